@@ -1,6 +1,6 @@
 """Bearings: unit vectors to a target, their tangent planes, and how well a set of them pins a position down.
 
-Source: equations ``eq4``, ``eq5``, ``eq20`` and ``op_bearings`` of the paper. Arrays are time first: bearings ``(K, d)``.
+Source: equations ``eq4``, ``eq5``, ``eq20`` and ``op_bearings`` of the paper. Arrays are time first: ``(K, d)``.
 """
 
 from __future__ import annotations
@@ -71,8 +71,7 @@ def tangent_basis(bearing: ArrayLike) -> Array:
     scale = 1.0 / np.where(pole, 1.0, one_plus_z)
     cross = -x * y * scale
     first = np.stack([1.0 - x * x * scale, cross, -x], axis=-1)
-    second = np.stack([np.where(pole, -1.0, 1.0 - y * y * scale), y * 0.0, -y], axis=-1)
-    second = np.stack([cross, second[..., 0], second[..., 2]], axis=-1)
+    second = np.stack([cross, np.where(pole, -1.0, 1.0 - y * y * scale), -y], axis=-1)
     return np.stack([first, second], axis=-1)
 
 

@@ -1,0 +1,181 @@
+"""Command line ``gbt-ocp``: one function a subcommand.
+
+Progress and faults go to standard error, results to standard output. Exit codes: 0 done, 1 a fault of the program,
+2 the input is wrong, 3 the run finished but broke a stated limit, 4 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import traceback
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from gbt_ocp.experiments import catalogue
+from gbt_ocp.experiments.configuration import GUIDANCE_LAWS, SOLVERS, TRACKERS, Configuration, schema
+from gbt_ocp.experiments.faults import ConfigurationError
+from gbt_ocp.experiments.loading import load_config
+
+DONE, PROGRAM_FAULT, WRONG_INPUT, LIMIT_BROKEN, INTERRUPTED = 0, 1, 2, 3, 4
+
+VIOLATION_TOLERANCE = 1.0e-9
+"""Relative thrust violation that still counts as round-off."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    argv
+        Arguments without the program's name; ``None`` for those of the process.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    try:
+        arguments = _parser().parse_args(argv)
+    except SystemExit as leave:
+        return leave.code if isinstance(leave.code, int) else DONE
+    try:
+        code: int = arguments.subcommand(arguments)
+        sys.stdout.flush()
+    except ConfigurationError as error:
+        print("\n".join(error.faults), file=sys.stderr)
+        return WRONG_INPUT
+    except BrokenPipeError:
+        # The reader (`gbt-ocp schema | head`) has seen enough; the interpreter must not flush into its pipe again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+    except KeyboardInterrupt:
+        print("interrupted: nothing was written", file=sys.stderr)
+        return INTERRUPTED
+    except Exception:
+        traceback.print_exc()
+        return PROGRAM_FAULT
+    return code
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        self.exit(WRONG_INPUT, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="gbt-ocp", description="Trajectory optimisation for bearing-only target tracking.")
+    commands = parser.add_subparsers(title="subcommands", required=True, metavar="SUBCOMMAND")
+
+    run = commands.add_parser("run", help="run one experiment and write its run folder")
+    run.add_argument("config", metavar="CONFIG", help="a shipped configuration (see gbt-ocp list) or a YAML file")
+    run.add_argument("--out", metavar="DIR", type=Path, help="run folder (default: a new one in runs/)")
+    run.add_argument(
+        "--set", metavar="KEY.PATH=VALUE", nargs="+", action="extend", default=[], help="replace single keys"
+    )
+    run.add_argument("--seed", metavar="N", type=_seed, help="replace the seed")
+    run.add_argument("--no-figures", action="store_true", help="write no figures")
+    run.add_argument("--quiet", action="store_true", help="show no progress")
+    run.set_defaults(subcommand=_run)
+
+    commands.add_parser("schema", help="print the JSON schema of the YAML, for editors").set_defaults(
+        subcommand=_schema
+    )
+    commands.add_parser("list", help="list problems, configurations, trackers, guidance laws and solvers").set_defaults(
+        subcommand=_list
+    )
+    return parser
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"found {text!r}; allowed: a whole number >= 0")
+    return int(text)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    configuration = load_config(arguments.config, overrides=arguments.set, seed=arguments.seed)
+    out: Path | None = arguments.out
+    if out is not None and out.exists() and not (out.is_dir() and not any(out.iterdir())):
+        raise ConfigurationError([f"--out: found {out}, which is not an empty folder; allowed: a new or empty folder"])
+
+    # CasADi and SciPy take a second to import, which faults, `schema` and `list` need not wait for.
+    from gbt_ocp.experiments.run import run
+
+    result = run(configuration, progress=not arguments.quiet)
+    out = out or _new_folder(configuration)
+    try:
+        result.save(out, figures=not arguments.no_figures)
+    except OSError as fault:
+        raise ConfigurationError(
+            [f"--out: found {out}, which cannot be written ({fault}); allowed: a writable folder"]
+        ) from fault
+    _print_summary(result.summary)
+    print(f"\n{out}")
+    violation = float(result.summary["violation_max"])
+    if violation > VIOLATION_TOLERANCE:
+        print(f"the thrust limits were broken by {violation:.3g} of the limit", file=sys.stderr)
+        return LIMIT_BROKEN
+    return DONE
+
+
+def _new_folder(configuration: Configuration) -> Path:
+    formulation = configuration.planner.formulation
+    base = f"{configuration.name}-{configuration.preset}-{formulation}-seed{configuration.seed}"
+    folder, count = Path("runs") / base, 1
+    while folder.exists():
+        count += 1
+        folder = Path("runs") / f"{base}-{count}"
+    return folder
+
+
+_SHOWN = {
+    "error_settled": "m",
+    "error_mean": "m",
+    "error_final": "m",
+    "distance_median": "m",
+    "violation_max": "of the limit",
+    "solver_success_rate": "",
+    "solver_iterations_mean": "",
+    "solver_time_median_ms": "ms",
+    "tracker_time_median_ms": "ms",
+    "steps": "",
+    "wall_s": "s",
+}
+"""The keys of the summary that the terminal shows, with their units; summary.json has all of them."""
+
+
+def _print_summary(summary: Mapping[str, Any]) -> None:
+    for key, unit in _SHOWN.items():
+        value = summary.get(key)
+        if value is not None:
+            text = f"{value:.4g}" if isinstance(value, float) else str(value)
+            print(f"{key:<24}{text:>10} {unit}".rstrip())
+
+
+def _schema(arguments: argparse.Namespace) -> int:
+    print(json.dumps(schema(), indent=2, ensure_ascii=False))
+    return DONE
+
+
+def _list(arguments: argparse.Namespace) -> int:
+    sections: dict[str, Mapping[str, str]] = {
+        "problems": {name: catalogue.load_problem(name).description for name in catalogue.problem_names()},
+        "configurations": {name: catalogue.config_description(name) for name in catalogue.config_names()},
+        "trackers": TRACKERS,
+        "guidance laws": GUIDANCE_LAWS,
+        "solvers": SOLVERS,
+    }
+    for number, (title, entries) in enumerate(sections.items()):
+        print(f"{'' if number == 0 else chr(10)}{title}")
+        for name, description in entries.items():
+            print(f"  {name:<16}{description}")
+    return DONE
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,124 @@
+"""What no single key shows: keys that contradict each other, the problem, or the files they name.
+
+The checks read the merged mapping and not the checked models, so that they report beside the faults of single keys
+instead of after them; a value of the wrong type is left to the models.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from gbt_ocp.experiments.configuration import Configuration, Planner, Sensor, Tracker
+from gbt_ocp.experiments.faults import NOTHING, Fault, kinds, shown, union_of, value_at
+from gbt_ocp.experiments.problem import TrackingProblem
+from gbt_ocp.targets import TrackTarget
+
+_CASES = {2: ("case1", "case2", "case3"), 3: ("case4", "case5", "case6")}
+
+
+def inconsistencies(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Iterator[Fault]:
+    """Faults between keys.
+
+    Parameters
+    ----------
+    merged
+        All layers of the configuration, with absolute paths.
+    problem
+        The problem, ``None`` if it could not be loaded.
+    """
+    yield from _sizes(merged)
+    yield from _one_of(merged, ("desired_bearing",), "m", "period_s")
+    if isinstance(value_at(merged, ("tracker", "prior")), Mapping):
+        yield from _one_of(merged, ("tracker", "prior"), "std", "covariance")
+    if problem is not None:
+        yield from _dimension(merged, problem)
+        yield from _factories(merged, problem)
+        yield from _track(merged, problem.dimension)
+
+
+def _number(merged: Mapping[str, Any], path: tuple[str, ...], default: Any) -> float | None:
+    value = value_at(merged, path)
+    value = default if value is NOTHING else value
+    number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < math.inf
+    return value if number else None
+
+
+def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
+    pieces = _number(merged, ("planner", "pieces"), Planner.model_fields["pieces"].default)
+    forecast = _number(merged, ("tracker", "forecast"), Tracker.model_fields["forecast"].default)
+    if pieces is not None and forecast is not None and pieces > forecast >= 1:
+        allowed = f"a whole number from 1 to tracker.forecast = {forecast} (p <= n)"
+        yield Fault(("planner", "pieces"), shown(pieces), allowed)
+    duration = _number(merged, ("duration_s",), Configuration.model_fields["duration_s"].default)
+    period = _number(merged, ("sensor", "period_s"), Sensor.model_fields["period_s"].default)
+    if duration is not None and period is not None and duration < 2.0 * period:
+        allowed = f"at least two sampling periods, {2.0 * period:.6g} s"
+        yield Fault(("duration_s",), shown(duration), allowed)
+
+
+def _one_of(merged: Mapping[str, Any], path: tuple[str, ...], first: str, second: str) -> Iterator[Fault]:
+    section = value_at(merged, path)
+    if isinstance(section, Mapping):
+        written = [key for key in (first, second) if section.get(key) is not None]
+        if len(written) != 1:
+            found = f"both {first} and {second}" if written else f"neither {first} nor {second}"
+            yield Fault(path, found, f"exactly one of {first}, {second}")
+
+
+def _dimension(merged: Mapping[str, Any], problem: TrackingProblem) -> Iterator[Fault]:
+    kind = value_at(merged, ("target", "kind"))
+    if kind in _CASES[5 - problem.dimension]:
+        others = [name for name in kinds(union_of("target")) if not name.startswith("case")]
+        allowed = ", ".join([*_CASES[problem.dimension], *others])
+        yield Fault(("target", "kind"), shown(kind), f"{allowed} (the problem has {problem.dimension} dimensions)")
+    axis = value_at(merged, ("desired_bearing", "axis"))
+    if problem.dimension == 2 and axis is not NOTHING and axis is not None:
+        yield Fault(
+            ("desired_bearing", "axis"), shown(axis), "nothing in 2 dimensions, a turn in the plane has no axis"
+        )
+
+
+def _factories(merged: Mapping[str, Any], problem: TrackingProblem) -> Iterator[Fault]:
+    for section, factory in (("target", callable(problem.target)), ("vehicle", problem.vehicle is not None)):
+        if value_at(merged, (section, "kind")) == "problem" and not factory:
+            others = ", ".join(kind for kind in kinds(union_of(section)) if kind != "problem")
+            yield Fault((section, "kind"), '"problem"', f"{others} (problem {problem.name} makes no {section})")
+
+
+def _track(merged: Mapping[str, Any], dimension: int) -> Iterator[Fault]:
+    target = merged.get("target")
+    if not isinstance(target, Mapping) or target.get("kind") != "track" or not isinstance(target.get("path"), str):
+        return
+    path, wanted = Path(target["path"]), f"a CSV file with the columns {'t,x,y,z'[: 2 * dimension + 1]}"
+    if not path.is_file():
+        yield Fault(("target", "path"), f"{shown(target['path'])}, which is not a file", wanted)
+        return
+    try:
+        track = TrackTarget.from_csv(path, dimension)
+    except (ValueError, OSError) as fault:
+        yield Fault(("target", "path"), f"a file that cannot be used ({fault})", wanted)
+        return
+    values = (
+        _number(merged, ("target", "time_scale"), 1.0),
+        _number(merged, ("target", "start_time_s"), 0.0),
+        _number(merged, ("duration_s",), Configuration.model_fields["duration_s"].default),
+        _number(merged, ("sensor", "period_s"), Sensor.model_fields["period_s"].default),
+        _number(merged, ("tracker", "forecast"), Tracker.model_fields["forecast"].default),
+    )
+    numbers = [value for value in values if value is not None]
+    if len(numbers) < len(values):
+        return
+    scale, skipped, duration, period, forecast = numbers
+    lasts = (track.duration - skipped) * scale
+    # The truth is compared with the forecast, which reaches n periods beyond the last step.
+    longest = lasts - forecast * period
+    if scale > 0.0 and duration > longest + 1e-9:
+        yield Fault(
+            ("duration_s",),
+            shown(duration),
+            f"at most {max(longest, 0.0):.6g} s: the track lasts {max(lasts, 0.0):.6g} s after target.start_time_s, "
+            f"of which the forecast needs the last {forecast * period:.6g} s",
+        )

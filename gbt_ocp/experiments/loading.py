@@ -1,0 +1,284 @@
+"""From a name, a file or a mapping to a checked configuration.
+
+Weakest first: defaults, the problem's defaults, the preset, what is written, ``--set``, ``--seed``. Every layer keeps
+its label, so that a fault names the file or option its value came from, and all faults are reported at once.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from gbt_ocp.experiments import catalogue, dialect
+from gbt_ocp.experiments.configuration import Configuration
+from gbt_ocp.experiments.consistency import inconsistencies
+from gbt_ocp.experiments.faults import NOTHING, ConfigurationError, Fault, faults_of, shown, value_at
+from gbt_ocp.experiments.problem import TrackingProblem
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "paper": {
+        "tracker": {"centre": "origin", "amplitude": 1.0, "nugget": 1.0e-8, "prior": None},
+        "planner": {"range_pull": 0.0},
+    },
+}
+"""What a preset fills in (DESIGN E7, E8); `default` is the defaults of the models."""
+
+_DIMENSION_DEFAULTS: dict[int, dict[str, Any]] = {
+    2: {
+        "tracker": {"window": 20},
+        "desired_bearing": {"m": 10},
+        "vehicle": {"kind": "fossen", "thrust_max": [5000.0, 5000.0, 1500.0]},
+    },
+    3: {
+        "tracker": {"window": 12},
+        "desired_bearing": {"m": 4, "axis": [0.0, 0.0, 1.0]},
+        "vehicle": {"kind": "fossen", "thrust_max": [5000.0, 5000.0, 5000.0, 1500.0]},
+    },
+}
+
+# Of two keys that say the same thing, the one in the stronger layer replaces the other.
+_ALTERNATIVES: dict[tuple[str, ...], tuple[str, str]] = {
+    ("desired_bearing",): ("m", "period_s"),
+    ("tracker", "prior"): ("std", "covariance"),
+}
+
+# Another kind brings other keys; these belong to every kind of their section and stay.
+_SHARED: dict[tuple[str, ...], tuple[str, ...]] = {("vehicle",): ("start", "follow")}
+
+
+@dataclass(frozen=True)
+class _Layer:
+    label: str
+    values: dict[str, Any]
+
+
+def load_config(
+    source: str | Path | Mapping[str, Any], overrides: Sequence[str] = (), seed: int | None = None
+) -> Configuration:
+    """Load and check a configuration.
+
+    Parameters
+    ----------
+    source
+        Name of a shipped configuration (``case2``), path of a YAML file, or a mapping with the same keys.
+    overrides
+        Lines ``key.path=value`` with the value in YAML, stronger than what is written; later ones are stronger.
+    seed
+        Replaces the seed.
+
+    Returns
+    -------
+    Configuration
+        Frozen, with every default filled in and paths absolute.
+
+    Raises
+    ------
+    ConfigurationError
+        If anything is wrong, with one line a fault: file, key path, what was found, what is allowed.
+    """
+    label, folder, name, text = _read(source)
+    faults: list[str] = []
+    layers = [_Layer(label, _written(text, label, faults))]
+    layers += [layer for line in overrides if (layer := _override(line, faults)) is not None]
+    if seed is not None:
+        layers.append(_Layer("--seed", {"seed": seed}))
+
+    top = _merge(layers)
+    chosen, problem = _problem(top.get("problem", "case2"), folder, layers, faults)
+    layers = [*_beneath(chosen, problem, top.get("preset", "default")), *layers]
+    merged = _merge(layers)
+    merged["problem"] = chosen
+    merged.setdefault("name", _as_name(name or (problem.name if problem else "run")))
+    _complete(merged, folder, problem)
+
+    sizes = _known_sizes(merged, problem)
+    found: list[Fault] = []
+    configuration: Configuration | None = None
+    try:
+        configuration = Configuration.model_validate(merged, context=sizes)
+    except ValidationError as error:
+        found += faults_of(error, merged, sizes)
+    single = {fault.path for fault in found}
+    found += [fault for fault in inconsistencies(merged, problem) if fault.path not in single]
+    faults += [fault.line(_origin(fault.path, layers, label)) for fault in found]
+    if faults or configuration is None:
+        raise ConfigurationError(faults)
+    return configuration
+
+
+def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, Path, str | None, Any]:
+    """Label, folder for relative paths, name, and the mapping or the text of the file."""
+    if isinstance(source, Mapping):
+        return "configuration", Path.cwd(), None, source
+    if not isinstance(source, str | Path):
+        allowed = "a name, a path, or a mapping"
+        raise ConfigurationError([f"configuration: found a {type(source).__name__}; allowed: {allowed}"])
+    shipped = catalogue.config_path(source) if isinstance(source, str) else None
+    path = shipped or Path(source).expanduser()
+    if not path.is_file():
+        names = ", ".join(catalogue.config_names())
+        raise ConfigurationError([f"{source}: found no such file; allowed: {names}, or a path to a YAML file"])
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as fault:
+        raise ConfigurationError(
+            [f"{path}: found a file that cannot be read ({fault}); allowed: UTF-8 text"]
+        ) from fault
+    return str(path), path.resolve().parent, path.stem, text
+
+
+def _written(text: Any, label: str, faults: list[str]) -> dict[str, Any]:
+    value = text
+    if isinstance(text, str):
+        try:
+            value, repeated = dialect.parse(text, label)
+        except dialect.YamlError as fault:
+            raise ConfigurationError([str(fault)]) from fault
+        faults += repeated
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        keys = ", ".join(Configuration.model_fields)
+        raise ConfigurationError([f"{label}: found {shown(value)}; allowed: a mapping with the keys {keys}"])
+    return _plain_mapping(value)
+
+
+def _plain_mapping(value: Mapping[Any, Any]) -> dict[str, Any]:
+    return {str(key): _plain(item) for key, item in value.items()}
+
+
+def _plain(value: Any) -> Any:
+    """Deep copy in lists, string-keyed dicts and scalars, so that a mapping from Python reads as one from a file."""
+    if isinstance(value, Mapping):
+        return _plain_mapping(value)
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def _override(line: str, faults: list[str]) -> _Layer | None:
+    key, equals, text = line.partition("=")
+    parts = [part.strip() for part in key.split(".")]
+    if not equals or not all(parts):
+        faults.append(f"--set: found {shown(line)}; allowed: key.path=value")
+        return None
+    try:
+        value, repeated = dialect.parse(text, f"--set {key}")
+    except dialect.YamlError as fault:
+        faults.append(str(fault))
+        return None
+    faults += repeated
+    value = _plain(value)
+    for part in reversed(parts):
+        value = {part: value}
+    return _Layer("--set", value)
+
+
+def _problem(written: Any, folder: Path, layers: list[_Layer], faults: list[str]) -> tuple[str, TrackingProblem | None]:
+    """Name or absolute path of the problem, and the problem itself if it can be loaded."""
+    chosen = str(written)
+    if chosen.endswith(".py"):
+        chosen = _absolute(chosen, folder)
+    try:
+        if not isinstance(written, str):
+            names = ", ".join(catalogue.problem_names())
+            raise catalogue.ProblemError(f"found {shown(written)}; allowed: {names}, or a path to a .py file")
+        return chosen, catalogue.load_problem(chosen)
+    except catalogue.ProblemError as fault:
+        faults.append(f"{_origin(('problem',), layers, layers[0].label)}: problem: {fault}")
+        return chosen, None
+
+
+def _beneath(chosen: str, problem: TrackingProblem | None, preset: Any) -> list[_Layer]:
+    """Layers weaker than what is written."""
+    # Without a problem the rest is still checked, as far as that needs no dimension.
+    layers = [_Layer("defaults", _DIMENSION_DEFAULTS[problem.dimension if problem else 2])]
+    if problem is None:
+        layers.append(_Layer("defaults", {"target": {"kind": "case2"}}))
+    else:
+        path = catalogue.problem_path(chosen)
+        label = str(path)
+        target = _plain_mapping(problem.target) if isinstance(problem.target, Mapping) else {"kind": "problem"}
+        own: dict[str, Any] = {"target": target}
+        if problem.vehicle is not None:
+            own["vehicle"] = {"kind": "problem"}
+        for layer in (_Layer(label, own), _Layer(label, _plain_mapping(problem.defaults))):
+            _resolve_track(layer.values, path.parent)
+            layers.append(layer)
+    if isinstance(preset, str) and preset in PRESETS:
+        layers.append(_Layer(f"preset {preset}", PRESETS[preset]))
+    return layers
+
+
+def _complete(merged: dict[str, Any], folder: Path, problem: TrackingProblem | None) -> None:
+    _resolve_track(merged, folder)
+    guidance = merged.get("guidance")
+    if problem is None or not isinstance(guidance, dict) or guidance.get("kind") != "constant_force":
+        return
+    if value_at(merged, ("vehicle", "kind")) == "fossen":
+        guidance.setdefault("force", [500.0] * problem.dimension + [0.0])
+
+
+def _resolve_track(values: dict[str, Any], folder: Path) -> None:
+    path = value_at(values, ("target", "path"))
+    if isinstance(path, str) and path:
+        values["target"]["path"] = _absolute(path, folder)
+
+
+def _absolute(path: str, folder: Path) -> str:
+    """A relative path is looked up beside the file that names it, then in the current folder."""
+    given = Path(path).expanduser()
+    beside = folder / given
+    return str(beside.resolve() if beside.exists() else given.resolve())
+
+
+def _known_sizes(merged: Mapping[str, Any], problem: TrackingProblem | None) -> dict[str, int]:
+    if problem is None:
+        return {}
+    # A user's vehicle may have any number of inputs.
+    own = value_at(merged, ("vehicle", "kind")) == "problem"
+    return {"d": problem.dimension} if own else {"d": problem.dimension, "n": problem.dimension + 1}
+
+
+def _merge(layers: Sequence[_Layer]) -> dict[str, Any]:
+    merged: dict[str, Any] = {}
+    for layer in layers:
+        merged = _overlay(merged, layer.values, ())
+    return merged
+
+
+def _overlay(base: Mapping[str, Any], above: Mapping[str, Any], path: tuple[str, ...]) -> dict[str, Any]:
+    merged = dict(base)
+    if "kind" in above and above["kind"] != base.get("kind", above["kind"]):
+        merged = {key: base[key] for key in _SHARED.get(path, ()) if key in base}
+    alternatives = _ALTERNATIVES.get(path, ())
+    if any(above.get(key) is not None for key in alternatives):
+        merged = {key: value for key, value in merged.items() if key not in alternatives}
+    for key, value in above.items():
+        beneath = merged.get(key)
+        if isinstance(value, Mapping):
+            merged[key] = _overlay(beneath if isinstance(beneath, Mapping) else {}, value, (*path, key))
+        else:
+            merged[key] = value
+    return merged
+
+
+def _origin(path: tuple[str, ...], layers: Sequence[_Layer], label: str) -> str:
+    """Label of the strongest layer that says anything at the path; the file for defaults and missing keys."""
+    for layer in reversed(layers):
+        if value_at(layer.values, path) is not NOTHING:
+            return label if layer.label == "defaults" else layer.label
+    return label
+
+
+def _as_name(text: str) -> str:
+    return re.sub(r"[^\w.-]+", "-", text).lstrip(".") or "run"

@@ -1,0 +1,67 @@
+"""The last resort: a plan that slows the vehicle down within its limits, without any solver."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from gbt_ocp.ocp.problem import TrajectoryProblem
+from gbt_ocp.ocp.trajectory import FlatTrajectory
+from gbt_ocp.ocp.transcription import LimitCheck, point_symbols
+
+Array = NDArray[np.float64]
+
+
+class BrakingPlanner:
+    """Slows down as hard as the limits allow, piece by piece.
+
+    Each piece takes one of a family of accelerations that runs from drifting (thrust zero at its beginning: always
+    within thrust limits there) to stopping within the piece. Of those that keep all limits on the fine grid it takes
+    the one that ends slowest; if none does, the one that breaks them least.
+    """
+
+    def __init__(self, problem: TrajectoryProblem, check: LimitCheck) -> None:
+        self._problem = problem
+        self._check = check
+        point = point_symbols(problem.vehicle.flat_dimension)
+        thrust = problem.vehicle.inputs(*point)
+        # thrust is affine in z̈, so its zero is one linear solve away
+        at_rest = ca.substitute(thrust, point.ddz, ca.SX.zeros(point.ddz.shape))
+        drift = -ca.solve(ca.jacobian(thrust, point.ddz), at_rest)
+        self._drift = ca.Function("drift", [point.z, point.dz], [drift])
+
+    def __call__(self, start: Array) -> FlatTrajectory:
+        """A braking trajectory from the start ``(L, n)``."""
+        problem = self._problem
+        top: list[Array] = []
+        for _ in range(problem.pieces):
+            so_far = FlatTrajectory(problem.period, start, np.array(top).reshape(-1, start.shape[1]))
+            top.append(self._piece(so_far.knots[-1]))
+        return FlatTrajectory(problem.period, start, np.array(top))
+
+    def _piece(self, knot: Array) -> Array:
+        problem = self._problem
+        # With L > 2 the unknown is a higher derivative: aim the acceleration at the end of the piece instead.
+        drift = np.asarray(self._drift(knot[0], knot[1])).ravel()
+        stop = -knot[1] / problem.period
+        if problem.degree > 2:
+            reach = problem.period ** (problem.degree - 2)
+            drift, stop = (drift - knot[2]) / reach, (stop - knot[2]) / reach
+        drift = np.where(np.isfinite(drift), drift, 0.0)
+        candidates = []
+        # Yaw brakes by its own share: a fast turn and a fast drift need different ones.
+        for share in np.linspace(0.0, 1.0, 11):
+            for last_share in (share, 0.0, 0.5, 1.0):
+                mix = np.full(len(drift), share)
+                mix[-1] = last_share
+                candidates.append(drift + mix * (stop - drift))
+        best, best_key = candidates[0], (np.inf, np.inf)
+        # Candidates are checked side by side, as if they were the pieces of one trajectory each.
+        for candidate in candidates:
+            trial = FlatTrajectory(problem.period, knot, np.vstack([candidate] * problem.pieces))
+            broken = max(float(self._check(trial)[0]), 0.0)
+            key = (broken, float(np.sum((trial.knots[1, 1] / problem.vehicle.acceleration_scale) ** 2)))
+            if key < best_key:
+                best, best_key = candidate, key
+        return best

@@ -1,0 +1,139 @@
+"""Path constraints: bounds on functions of the flat output that must hold all along a trajectory.
+
+A constraint says what is bounded, not how: :meth:`TrajectoryProblem.subject_to` imposes it exactly at nodes, and
+:meth:`TrajectoryProblem.subject_to_penalty` turns it into the integral penalty of the paper.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from gbt_ocp.ocp.trajectory import FlatPoint
+from gbt_ocp.vehicles import Vehicle
+
+Array = NDArray[np.float64]
+
+
+class PathConstraint(Protocol):
+    """``lower <= value(z, ż, z̈) <= upper`` at every time."""
+
+    @property
+    def lower(self) -> Array:
+        """True lower bounds ``(m,)``; ``-inf`` where there is none."""
+
+    @property
+    def upper(self) -> Array:
+        """True upper bounds ``(m,)``; ``inf`` where there is none."""
+
+    @property
+    def backoff(self) -> Array:
+        """How far inside the true bounds the solver is kept ``(m,)``, against what happens between nodes."""
+
+    @property
+    def scale(self) -> Array:
+        """Unit in which a violation is reported ``(m,)``."""
+
+    def value(self, point: FlatPoint) -> Any:
+        """The bounded quantities ``(m,)``, a CasADi expression."""
+
+
+@dataclass(frozen=True)
+class ThrustLimit:
+    """``|τ| <= τ_max`` on every input of the vehicle (``eq29c``).
+
+    Parameters
+    ----------
+    vehicle
+        Whose inputs are limited.
+    gamma
+        γ in (0, 1]: the solver is held to γ τ_max (``eq35``).
+    units
+        ``normalised``: the thrust over its limit; ``newton``: as the paper prints it, which makes the kink of the
+        penalty so narrow that Newton's method stalls on it.
+
+    Raises
+    ------
+    ValueError
+        If γ lies outside (0, 1] or the units are unknown.
+    """
+
+    vehicle: Vehicle
+    gamma: float = 1.0
+    units: Literal["normalised", "newton"] = "normalised"
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.gamma <= 1.0:
+            raise ValueError(f"gamma must lie in (0, 1], found {self.gamma}")
+        if self.units not in ("normalised", "newton"):
+            raise ValueError(f"units must be 'normalised' or 'newton', found {self.units!r}")
+
+    @property
+    def upper(self) -> Array:
+        """The limits ``(m,)``: ones, or newtons."""
+        limit = self.vehicle.thrust_max
+        return limit.copy() if self.units == "newton" else np.ones_like(limit)
+
+    @property
+    def lower(self) -> Array:
+        """Minus the limits ``(m,)``."""
+        return -self.upper
+
+    @property
+    def backoff(self) -> Array:
+        """``(1 - γ)`` of the limit."""
+        return (1.0 - self.gamma) * self.upper
+
+    @property
+    def scale(self) -> Array:
+        """Violations are reported in units of the limit."""
+        return self.upper
+
+    def value(self, point: FlatPoint) -> Any:
+        """Thrust, over its limit or in newtons."""
+        thrust = self.vehicle.inputs(*point)
+        return thrust if self.units == "newton" else thrust / ca.DM(self.vehicle.thrust_max)
+
+
+@dataclass(frozen=True)
+class KeepOut:
+    """Stay outside a circle (a sphere in 3D): ``‖P_A - centre‖ >= radius``.
+
+    Parameters
+    ----------
+    centre
+        ``(d,)`` in metres.
+    radius
+        In metres; violations are reported in units of it.
+    """
+
+    centre: tuple[float, ...]
+    radius: float
+
+    @property
+    def lower(self) -> Array:
+        """One: the squared distance over the squared radius."""
+        return np.ones(1)
+
+    @property
+    def upper(self) -> Array:
+        """No upper bound."""
+        return np.full(1, np.inf)
+
+    @property
+    def backoff(self) -> Array:
+        """None: the squared distance of a piece between nodes is checked afterwards."""
+        return np.zeros(1)
+
+    @property
+    def scale(self) -> Array:
+        """The squared distance changes twice as fast as the distance at the boundary."""
+        return np.full(1, 2.0)
+
+    def value(self, point: FlatPoint) -> Any:
+        """Squared distance over squared radius: smooth everywhere, unlike the distance."""
+        return ca.sumsqr(point.z[: len(self.centre)] - ca.DM(self.centre)) / self.radius**2

@@ -1,0 +1,171 @@
+"""Objectives of the trajectory problem: sums over the endpoints of the pieces, to be maximised.
+
+An objective says what it needs for one endpoint (:attr:`shapes`), how it is computed there from CasADi symbols
+(:meth:`value`), and how those numbers come out of what the caller hands to a solve (:meth:`bind`). Nothing here knows
+where a forecast comes from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gbt_ocp.ocp.trajectory import FlatPoint
+
+Array = NDArray[np.float64]
+
+NEAR = 1.0e-6
+"""Distance in metres below which a bearing is smoothed: it is undefined where a sigma point meets the vehicle."""
+
+
+class Moments(Protocol):
+    """Mean and covariance of a predicted position at the endpoints t_{k+1}, t_{k+2}, …"""
+
+    @property
+    def mean(self) -> Array:
+        """μ ``(>=p, d)`` in metres."""
+
+    @property
+    def covariance(self) -> Array:
+        """Σ ``(>=p, d, d)`` in m²."""
+
+
+class Objective(Protocol):
+    """A term of the objective: summed over the endpoints and maximised."""
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[int, int]]:
+        """Parameters of one endpoint: name to matrix shape."""
+
+    def value(self, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
+        """The term at one endpoint, a CasADi scalar."""
+
+    def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
+        """Numbers for the parameters, ``(p, *shape)`` each, from the data given to a solve."""
+
+
+def needed(data: Mapping[str, Any], name: str, reader: object) -> Any:
+    """The entry ``name`` of the data of a solve, or a clear error.
+
+    Raises
+    ------
+    ValueError
+        If the entry is missing.
+    """
+    if data.get(name) is None:
+        raise ValueError(f"{type(reader).__name__} needs '{name}'; given: {', '.join(sorted(data)) or 'nothing'}")
+    return data[name]
+
+
+def sigma_weights(dimension: int, kappa: float) -> Array:
+    """Weights w_0 … w_2d of the sigma points ``(2d+1,)``: κ/(d+κ), then 1/(2(d+κ)) each; they sum to one."""
+    return np.array([kappa / (dimension + kappa)] + [0.5 / (dimension + kappa)] * (2 * dimension))
+
+
+def sigma_points(mean: ArrayLike, covariance: ArrayLike, kappa: float) -> Array:
+    """Sigma points χ_0 … χ_2d of the unscented transform (``eq27``).
+
+    The square root is the symmetric one, by eigendecomposition, with negative round-off eigenvalues set to zero.
+
+    Parameters
+    ----------
+    mean, covariance
+        μ ``(..., d)`` and Σ ``(..., d, d)``.
+    kappa
+        κ > -d.
+
+    Returns
+    -------
+    Points ``(..., 2d+1, d)``: the mean, then minus and plus each column of the root of (d+κ)Σ.
+    """
+    mu = np.asarray(mean, dtype=float)
+    values, vectors = np.linalg.eigh(np.asarray(covariance, dtype=float))
+    dimension = mu.shape[-1]
+    size = np.sqrt((dimension + kappa) * np.maximum(values, 0.0))
+    root = np.einsum("...ij,...j,...kj->...ik", vectors, size, vectors)
+    columns = np.swapaxes(root, -1, -2)
+    centre = mu[..., None, :]
+    return np.concatenate([centre, centre - columns, centre + columns], axis=-2)
+
+
+@dataclass(frozen=True)
+class BearingSimilarity:
+    """Expected similarity ``E⟨λ*, λ⟩`` of the desired and the future bearing, by the unscented transform (``eq28``).
+
+    Needs ``forecast`` (:class:`Moments` at the endpoints) and ``desired`` (λ* at the endpoints, ``(>=p, d)``).
+
+    Parameters
+    ----------
+    dimension
+        d.
+    kappa
+        κ, the adjusting factor of the transform.
+    """
+
+    dimension: int
+    kappa: float = 1.0
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[int, int]]:
+        """Sigma points, one a column, and the desired bearing."""
+        return {"sigma_points": (self.dimension, 2 * self.dimension + 1), "desired": (self.dimension, 1)}
+
+    def value(self, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
+        """``Σ_j w_j ⟨λ*, λ̂_j⟩`` at one endpoint."""
+        own = point.z[: self.dimension]
+        total = 0.0
+        for j, weight in enumerate(sigma_weights(self.dimension, self.kappa)):
+            line = parameters["sigma_points"][:, j] - own
+            total += weight * ca.dot(parameters["desired"], line) / ca.sqrt(ca.sumsqr(line) + NEAR**2)
+        return total
+
+    def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
+        """Sigma points ``(p, d, 2d+1)`` and desired bearings ``(p, d, 1)``."""
+        forecast: Moments = needed(data, "forecast", self)
+        desired = np.asarray(needed(data, "desired", self), dtype=float)[:pieces]
+        points = sigma_points(forecast.mean[:pieces], forecast.covariance[:pieces], self.kappa)
+        return {"sigma_points": np.swapaxes(points, -1, -2), "desired": desired[..., None]}
+
+
+@dataclass(frozen=True)
+class RangePull:
+    """A weak pull towards the forecast: minus ``weight · softplus(‖μ - P_A‖ - reference)`` at each endpoint.
+
+    The similarity of bearings does not see range; without a pull nothing keeps the vehicle near the target.
+    Needs ``forecast``.
+
+    Parameters
+    ----------
+    dimension
+        d.
+    weight
+        Reduction of the objective per metre of range and endpoint, far away.
+    reference
+        Range in metres at which the pull has half its strength.
+    """
+
+    dimension: int
+    weight: float = 0.2
+    reference: float = 1.0
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[int, int]]:
+        """The predicted mean."""
+        return {"mean": (self.dimension, 1)}
+
+    def value(self, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
+        """The (negative) pull at one endpoint."""
+        distance = ca.sqrt(ca.sumsqr(parameters["mean"] - point.z[: self.dimension]) + NEAR**2)
+        excess = distance - self.reference
+        # softplus without overflow: max(x, 0) + log(1 + exp(-|x|))
+        return -self.weight * (ca.fmax(excess, 0.0) + ca.log1p(ca.exp(-ca.fabs(excess))))
+
+    def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
+        """Predicted means ``(p, d, 1)``."""
+        forecast: Moments = needed(data, "forecast", self)
+        return {"mean": np.asarray(forecast.mean[:pieces], dtype=float)[..., None]}

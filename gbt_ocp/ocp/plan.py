@@ -1,0 +1,63 @@
+"""What a planner returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gbt_ocp.ocp.trajectory import FlatTrajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A trajectory and how it came about.
+
+    Attributes
+    ----------
+    trajectory
+        The flat output over the horizon.
+    status
+        ``solved``, or the word of the solver for the first attempt of this step.
+    objective
+        The objective without penalty, summed over the endpoints.
+    violation
+        Worst violation of the true limits over the whole plan on the fine grid, in units of the limits, at least 0.
+    piece_violation
+        The same for each piece ``(p,)``.
+    iterations
+        Solver iterations of all attempts.
+    solve_time
+        Seconds of all attempts, fine-grid checks included.
+    fallback
+        ``""``, ``shifted`` (the rest of the previous plan), ``cold`` (a cold solve) or ``braking``.
+    tightened
+        How often the limits were tightened because the piece to be executed broke them between nodes.
+    """
+
+    trajectory: FlatTrajectory
+    status: str
+    objective: float
+    violation: float
+    piece_violation: Array
+    iterations: int
+    solve_time: float
+    fallback: str = ""
+    tightened: int = 0
+
+    @property
+    def solved(self) -> bool:
+        """Whether the first attempt of this step succeeded."""
+        return self.status == "solved"
+
+    @property
+    def endpoints(self) -> Array:
+        """z̄ ``(p, n)``."""
+        return self.trajectory.endpoints
+
+    def __call__(self, times: ArrayLike, order: int = 0) -> Array:
+        """The flat output, or a derivative of it, ``times`` seconds after the plan was made ``(..., n)``."""
+        return self.trajectory(times, order)

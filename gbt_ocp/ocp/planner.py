@@ -1,0 +1,142 @@
+"""The planner: a compiled problem with its memory, its checks and its answers to a failed solve."""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gbt_ocp.ocp.braking import BrakingPlanner
+from gbt_ocp.ocp.plan import Plan
+from gbt_ocp.ocp.problem import TrajectoryProblem
+from gbt_ocp.ocp.solvers import Solution, Solver
+from gbt_ocp.ocp.trajectory import FlatTrajectory
+from gbt_ocp.ocp.transcription import Binding, LimitCheck, input_scale, objective_function
+
+Array = NDArray[np.float64]
+
+TIGHTENINGS = 4
+"""How often the limits may be tightened in one step before the solution counts as failed."""
+
+
+class Planner:
+    """Solves a :class:`~gbt_ocp.ocp.problem.TrajectoryProblem` again and again, each time from the last solution.
+
+    After every solve the true limits are checked on a fine grid. If the piece that will be executed breaks them
+    between the nodes, the limits are tightened by what was found and the problem is solved again. A failed solve is
+    answered, in this order, by the rest of the previous plan if its next piece keeps the limits, by a cold solve, and
+    by a braking plan. A failed solution is never executed and never a warm start.
+
+    Made by :meth:`TrajectoryProblem.compile`.
+    """
+
+    def __init__(self, problem: TrajectoryProblem, solver: Solver) -> None:
+        self.problem = problem
+        self.solver = solver
+        self._scale = input_scale(problem)
+        self._binding = Binding(problem)
+        self._check = LimitCheck(problem)
+        self._braking = BrakingPlanner(problem, self._check)
+        self._objectives = [objective_function(problem, term).map(problem.pieces) for term in problem.objectives]
+        self._previous: FlatTrajectory | None = None
+
+    def reset(self) -> None:
+        """Forget the previous plan: the next solve is cold."""
+        self._previous = None
+
+    def objective(self, trajectory: FlatTrajectory, parameters: list[Array]) -> float:
+        """The objective of any trajectory, without penalty."""
+        ends = trajectory.sample(2)
+        columns = [values[:, -1].T for values in ends]
+        return float(
+            sum(float(ca.sum2(f(*columns, p))) for f, p in zip(self._objectives, parameters, strict=True))
+        )
+
+    def solve(
+        self, state: ArrayLike, forecast: Any = None, desired: ArrayLike | None = None, **data: Any
+    ) -> Plan:
+        """Plan from a state.
+
+        Parameters
+        ----------
+        state
+            Derivatives 0 … L-1 of the flat output now ``(L, n)``; with L = 2 that is z and ż.
+        forecast
+            Mean and covariance of the target's position at the endpoints, for objectives that need it.
+        desired
+            Desired bearings at the endpoints ``(>=p, d)``, for objectives that need them.
+        data
+            Whatever else the objectives ask for, by name.
+
+        Raises
+        ------
+        ValueError
+            If the state or the data do not fit or are not finite.
+        """
+        began = perf_counter()
+        start = np.asarray(state, dtype=float)
+        expected = (self.problem.degree, self.problem.vehicle.flat_dimension)
+        if start.shape != expected or not np.all(np.isfinite(start)):
+            raise ValueError(f"state: found shape {start.shape}; allowed: {expected}, all numbers finite")
+        parameters = self._binding.objective_parameters({"forecast": forecast, "desired": desired, **data})
+
+        shifted = None if self._previous is None else self._previous.shifted()
+        guess = self._cold_guess(start) if shifted is None else shifted.top / self._scale
+        first, trajectory, iterations, tightened = self._attempt(start, parameters, guess, cold=shifted is None)
+        fallback = ""
+        if trajectory is None and shifted is not None:
+            # From where the vehicle really is, which is where the previous plan led unless it was pushed.
+            candidate = FlatTrajectory(self.problem.period, start, shifted.top)
+            if self._check(candidate)[0] <= 0.0:
+                fallback, trajectory = "shifted", candidate
+        if trajectory is None:
+            fallback = "cold"
+            _, trajectory, more, again = self._attempt(start, parameters, self._cold_guess(start), cold=True)
+            iterations, tightened = iterations + more, tightened + again
+        if trajectory is None:
+            fallback, trajectory = "braking", self._braking(start)
+        self._previous = trajectory
+        pieces = self._check(trajectory)
+        return Plan(
+            trajectory=trajectory,
+            status=first,
+            objective=self.objective(trajectory, parameters),
+            violation=max(float(pieces.max()), 0.0),
+            piece_violation=np.maximum(pieces, 0.0),
+            iterations=iterations,
+            solve_time=perf_counter() - began,
+            fallback=fallback,
+            tightened=tightened,
+        )
+
+    def _cold_guess(self, start: Array) -> Array:
+        """Coasting: constant velocity, any higher derivative brought to zero within the first piece."""
+        guess = np.zeros((self.problem.pieces, start.shape[1]))
+        if self.problem.degree > 2:
+            guess[0] = -start[-1] / self.problem.period / self._scale
+        return guess
+
+    def _attempt(
+        self, start: Array, parameters: list[Array], guess: Array, *, cold: bool
+    ) -> tuple[str, FlatTrajectory | None, int, int]:
+        """Solve, check the piece to be executed, tighten where needed.
+
+        Returns status, trajectory (``None`` if it must not be executed), iterations, and the number of tightenings.
+        """
+        tightening, iterations = 0.0, 0
+        for tightened in range(TIGHTENINGS + 1):
+            solution: Solution = self.solver.solve(start, parameters, guess, cold=cold, tightening=tightening)
+            iterations += solution.iterations
+            if not solution.solved:
+                return solution.status, None, iterations, tightened
+            trajectory = FlatTrajectory(self.problem.period, start, solution.variables * self._scale)
+            broken = float(self._check(trajectory)[0])
+            if broken <= 0.0:
+                return solution.status, trajectory, iterations, tightened
+            # a little more than was found, so that one round nearly always does it
+            tightening += 1.2 * broken + 1e-4
+            guess, cold = solution.variables, False
+        return "limits broken between nodes", None, iterations, TIGHTENINGS

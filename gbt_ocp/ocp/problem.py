@@ -1,0 +1,125 @@
+"""The trajectory problem: an immutable description, built up by verbs that name how a constraint is treated.
+
+    problem = TrajectoryProblem(vehicle, pieces=5, period=0.1)
+    problem = problem.maximize(BearingSimilarity(2))
+    problem = problem.subject_to_penalty(ThrustLimit(vehicle, gamma=0.98), weight=1000.0, width=0.01, nodes=20)
+    planner = problem.compile()
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from gbt_ocp.ocp.constraints import PathConstraint
+from gbt_ocp.ocp.objectives import Objective
+from gbt_ocp.vehicles import Vehicle
+
+if TYPE_CHECKING:
+    from gbt_ocp.ocp.planner import Planner
+
+
+@dataclass(frozen=True)
+class HardLimit:
+    """A constraint imposed exactly at ``nodes`` intervals a piece (``nodes + 1`` points, both ends included)."""
+
+    constraint: PathConstraint
+    nodes: int
+
+
+@dataclass(frozen=True)
+class PenaltyLimit:
+    """A constraint whose violation is integrated and weighed (``eq35``).
+
+    ``weight`` is w_p, ``width`` ϖ (both in the constraint's own units), ``nodes`` n_c.
+    """
+
+    constraint: PathConstraint
+    nodes: int
+    weight: float
+    width: float
+
+
+@dataclass(frozen=True)
+class TrajectoryProblem:
+    """Maximise a sum over the endpoints of a flat trajectory, under path constraints (``eq33``, ``eq36``).
+
+    Parameters
+    ----------
+    vehicle
+        Gives the flatness map.
+    pieces
+        p, the number of pieces.
+    period
+        T in seconds, the length of a piece.
+    degree
+        L >= 2, the degree of the polynomials; the trajectory is L-1 times continuously differentiable.
+
+    Raises
+    ------
+    ValueError
+        If a size is out of range.
+    """
+
+    vehicle: Vehicle
+    pieces: int
+    period: float
+    degree: int = 2
+    objectives: tuple[Objective, ...] = field(default=(), kw_only=True)
+    hard: tuple[HardLimit, ...] = field(default=(), kw_only=True)
+    penalties: tuple[PenaltyLimit, ...] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        for name, value, least in (("pieces", self.pieces, 1), ("degree", self.degree, 2)):
+            if value < least:
+                raise ValueError(f"{name} must be at least {least}, found {value}")
+        if not self.period > 0.0:
+            raise ValueError(f"period must be positive, found {self.period}")
+
+    def maximize(self, objective: Objective) -> TrajectoryProblem:
+        """Add a term to the objective."""
+        return replace(self, objectives=(*self.objectives, objective))
+
+    def subject_to(self, constraint: PathConstraint, *, nodes: int = 4) -> TrajectoryProblem:
+        """Impose a constraint exactly, at ``nodes`` intervals a piece."""
+        if nodes < 1:
+            raise ValueError(f"nodes must be at least 1, found {nodes}")
+        return replace(self, hard=(*self.hard, HardLimit(constraint, nodes)))
+
+    def subject_to_penalty(
+        self, constraint: PathConstraint, *, weight: float = 1000.0, width: float = 0.01, nodes: int = 20
+    ) -> TrajectoryProblem:
+        """Penalise the violation of a constraint, integrated over ``nodes`` intervals a piece."""
+        if nodes < 1:
+            raise ValueError(f"nodes must be at least 1, found {nodes}")
+        if not (weight > 0.0 and width > 0.0):
+            raise ValueError(f"weight and width must be positive, found {weight} and {width}")
+        return replace(self, penalties=(*self.penalties, PenaltyLimit(constraint, nodes, weight, width)))
+
+    @property
+    def constraints(self) -> tuple[PathConstraint, ...]:
+        """Every constraint, however it is treated."""
+        return tuple(limit.constraint for limit in (*self.hard, *self.penalties))
+
+    def compile(self, solver: str = "auto", options: Mapping[str, Any] | None = None) -> Planner:
+        """Build the solver once; everything that changes from step to step is a parameter of it.
+
+        Parameters
+        ----------
+        solver
+            ``ipopt``, or ``auto`` for the best one that is there.
+        options
+            Handed to the solver.
+
+        Raises
+        ------
+        ValueError
+            If the problem has no objective or the solver is unknown.
+        """
+        from gbt_ocp.ocp.planner import Planner
+        from gbt_ocp.ocp.solvers import make_solver
+
+        if not self.objectives:
+            raise ValueError("the problem has no objective; call maximize() first")
+        return Planner(self, make_solver(self, solver, options or {}))

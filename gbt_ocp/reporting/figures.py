@@ -1,0 +1,269 @@
+"""The figures of one run: what the paper's figure 4 shows, with thrust against its limits and solver time.
+
+They need the three files of a run folder and nothing else. No pyplot: figures are objects, many runs may draw at once.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from gbt_ocp.experiments import run_folder
+from gbt_ocp.experiments.result import History
+from gbt_ocp.reporting import style
+from gbt_ocp.reporting.trajectories import trajectories
+
+Array = NDArray[np.float64]
+
+_AXIS_NAMES = {3: ("surge", "sway", "yaw"), 4: ("surge", "sway", "heave", "yaw")}
+_ANSWERS: dict[str, dict[str, Any]] = {
+    "shifted": {"marker": "^", "color": style.PURPLE},
+    "cold": {"marker": "s", "color": style.ORANGE},
+    "braking": {"marker": "X", "color": style.BLACK},
+}
+
+
+def draw_figures(history: History, configuration: Mapping[str, Any], summary: Mapping[str, Any]) -> dict[str, Figure]:
+    """Draw all figures of a run.
+
+    Parameters
+    ----------
+    history
+        The run.
+    configuration
+        The mapping of ``config.yaml``; read are ``sensor.period_s`` and ``vehicle.thrust_max``.
+    summary
+        The mapping of ``summary.json``; read is ``settling_s``.
+
+    Returns
+    -------
+    Figures by name: ``trajectories``, ``error``, ``condition_number``, ``hyperparameters`` (if the tracker has any),
+    ``thrust``, and ``solver_time``, or ``tracker_time`` for a guidance without a solver.
+
+    Raises
+    ------
+    ValueError
+        If a value is missing in the configuration, or does not fit the history.
+    """
+    period = float(_value(configuration, "sensor", "period_s"))
+    thrust_max = np.asarray(_value(configuration, "vehicle", "thrust_max"), dtype=float)
+    axes_count = history.thrust.shape[1]
+    if thrust_max.shape != (axes_count,):
+        raise ValueError(f"vehicle.thrust_max: found {thrust_max.tolist()}; allowed: {axes_count} numbers")
+    with style.styled():
+        figures = {
+            "trajectories": trajectories(history),
+            "error": _error(history, float(summary.get("settling_s", 2.0))),
+            "condition_number": _condition_number(history),
+        }
+        if np.isfinite(history.length_scale).any() or np.isfinite(history.amplitude).any():
+            figures["hyperparameters"] = _hyperparameters(history)
+        figures["thrust"] = _thrust(history, thrust_max)
+        if history.planned.any():
+            figures["solver_time"] = _times(history, period)
+        elif np.isfinite(history.tracker_time).any():
+            figures["tracker_time"] = _times(history, period)
+    return figures
+
+
+def write_figures(run_dir: str | os.PathLike[str]) -> list[Path]:
+    """Draw a run folder's figures from its own files into ``figures/*.png`` and return their paths.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a file of the run folder is missing.
+    ValueError
+        If one is damaged, or lacks a value the figures need.
+    """
+    folder = Path(run_dir)
+    configuration_path = folder / run_folder.CONFIGURATION
+    configuration = yaml.safe_load(configuration_path.read_text(encoding="utf-8"))
+    if not isinstance(configuration, dict):
+        raise ValueError(f"{configuration_path}: found {type(configuration).__name__}; allowed: a mapping")
+    history = History.load_npz(folder / run_folder.HISTORY)
+    figures = draw_figures(history, configuration, run_folder.read_summary(folder))
+    place = folder / run_folder.FIGURES
+    place.mkdir(exist_ok=True)
+    paths = []
+    for name, figure in figures.items():
+        paths.append(place / f"{name}.png")
+        figure.savefig(paths[-1], dpi=style.DPI)
+    return paths
+
+
+def _value(configuration: Mapping[str, Any], section: str, key: str) -> Any:
+    value = (configuration.get(section) or {}).get(key)
+    if value is None:
+        raise ValueError(f"{run_folder.CONFIGURATION}: {section}.{key}: found nothing; the figures need its value")
+    return value
+
+
+def _error(history: History, settling: float) -> Figure:
+    figure = style.new_figure(3.0)
+    axes = figure.add_subplot()
+    error = _positive(history.mean_error)
+    with np.errstate(invalid="ignore"):  # a bound that is infinite at one forecast time is infinite in the mean
+        bound = _positive(history.bound.mean(axis=1))
+    axes.semilogy(history.t, error, color=style.BLUE, label="mean error over the forecast")
+    if np.isfinite(bound).any():
+        axes.semilogy(history.t, bound, color=style.VERMILLION, linestyle="--", label="its bound")
+    if history.t[0] < settling < history.t[-1]:
+        label = f"settling time, {settling:g} s"
+        axes.axvline(settling, color=style.GREY, linestyle=":", linewidth=1.0, label=label)
+    _log_limits(axes, error, bound)
+    axes.set_ylabel("error [m]")
+    style.time_axis(axes, history.t[-1])
+    style.legend_above(figure, axes, columns=3)
+    return figure
+
+
+def _condition_number(history: History) -> Figure:
+    figure = style.new_figure(2.7)
+    axes = figure.add_subplot()
+    finite = np.isfinite(history.condition_number)
+    values = np.full(history.t.shape, np.nan)
+    values[finite] = np.log10(np.maximum(history.condition_number[finite], 1.0))
+    axes.plot(history.t, values, color=style.BLUE, label="cumulative bearing matrix")
+    top = max(1.0, 1.15 * float(np.nanmax(values)) if finite.any() else 1.0)
+    singular = np.isinf(history.condition_number)
+    if singular.any():
+        marks = np.full(np.count_nonzero(singular), 0.96 * top)
+        axes.plot(
+            history.t[singular],
+            marks,
+            color=style.VERMILLION,
+            marker="^",
+            linestyle="",
+            clip_on=False,
+            label="singular: position not observable",
+        )
+    axes.set_ylim(0.0, top)
+    axes.set_ylabel("log$_{10}$ of the condition number")
+    style.time_axis(axes, history.t[-1])
+    style.legend_above(figure, axes, columns=2)
+    return figure
+
+
+def _hyperparameters(history: History) -> Figure:
+    figure = style.new_figure(3.6)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    upper.semilogy(history.t, _positive(history.length_scale), color=style.BLUE)
+    upper.set_ylabel("length scale [s]")
+    lower.semilogy(history.t, _positive(history.amplitude), color=style.GREEN, linestyle="--")
+    lower.set_ylabel("amplitude [m]")
+    for axes, values in ((upper, history.length_scale), (lower, history.amplitude)):
+        _log_limits(axes, _positive(values))
+        style.plain_log_ticks(axes)
+    style.time_axis(lower, history.t[-1])
+    return figure
+
+
+def _thrust(history: History, thrust_max: Array) -> Figure:
+    count = thrust_max.size
+    figure = style.new_figure(0.6 + 1.15 * count)
+    panels = np.atleast_1d(figure.subplots(count, 1, sharex=True))
+    names = _AXIS_NAMES.get(count, tuple(f"axis {index + 1}" for index in range(count)))
+    relative = history.thrust / thrust_max
+    peak = history.piece_thrust_peak
+    largest = max(1.0, *(float(np.max(part[np.isfinite(part)], initial=0.0)) for part in (np.abs(relative), peak)))
+    for index, (axes, name) in enumerate(zip(panels, names, strict=True)):
+        known = np.isfinite(peak[:, index])
+        band = np.where(known, peak[:, index], 0.0)
+        axes.fill_between(
+            history.t,
+            -band,
+            band,
+            step="post",
+            color=style.SKY,
+            alpha=0.45,
+            linewidth=0.0,
+            label="± peak over the piece",
+        )
+        axes.plot(history.t, relative[:, index], color=style.BLUE, linewidth=0.8, label="at the start of the piece")
+        for limit in (-1.0, 1.0):
+            axes.axhline(limit, color=style.VERMILLION, linestyle="--", linewidth=1.0, label="limit")
+        # Solvers stop at about 1e-8 of their limits: that much is no violation a reader should be sent to look for.
+        above = known & (peak[:, index] > 1.0 + 1e-6)
+        if above.any():
+            axes.plot(
+                history.t[above], band[above], color=style.BLACK, marker="x", linestyle="", label="above the limit"
+            )
+        axes.set_ylim(-1.2 * largest, 1.2 * largest)
+        axes.set_ylabel(f"{name} [–]")
+        axes.set_xlim(history.t[0], history.t[-1])
+    style.time_axis(panels[-1], history.t[-1])
+    figure.supylabel("thrust / limit", fontsize=9.0)
+    crossed = [axes for axes in panels if "above the limit" in axes.get_legend_handles_labels()[1]]
+    style.legend_above(figure, (crossed or list(panels))[0], columns=4)
+    return figure
+
+
+def _times(history: History, period: float) -> Figure:
+    figure = style.new_figure(3.2)
+    axes = figure.add_subplot()
+    planned = history.planned
+    failed = planned & (history.solver_status != "solved")
+    solver = 1e3 * history.solver_time
+    tracker = 1e3 * history.tracker_time
+    series = [np.array([1e3 * period])]
+    if planned.any():
+        good = planned & (history.fallback == "") & ~failed
+        axes.plot(
+            history.t[good], solver[good], color=style.BLUE, marker="o", markersize=2.0, linestyle="", label="solver"
+        )
+        other = failed & (history.fallback == "")
+        if other.any():
+            axes.plot(
+                history.t[other], solver[other], color=style.VERMILLION, marker="x", linestyle="", label="not solved"
+            )
+        for word, look in _ANSWERS.items():
+            chosen = history.fallback == word
+            if chosen.any():
+                axes.plot(history.t[chosen], solver[chosen], linestyle="", label=f"fallback: {word}", **look)
+        median = float(np.median(solver[planned]))
+        axes.axhline(median, color=style.BLUE, linestyle="--", linewidth=1.0, label=f"solver median, {median:.3g} ms")
+        series.append(solver[planned])
+    if np.isfinite(tracker).any():
+        axes.plot(
+            history.t, tracker, color=style.GREEN, marker="+", markersize=3.0, linewidth=0.5, label="tracker", zorder=1
+        )
+        series.append(tracker)
+    axes.axhline(1e3 * period, color=style.BLACK, linestyle="-", linewidth=1.0, label="sampling period")
+    axes.set_yscale("log")
+    _log_limits(axes, *(_positive(values) for values in series))
+    style.plain_log_ticks(axes)
+    axes.set_ylabel("time per step [ms]")
+    style.time_axis(axes, history.t[-1])
+    style.legend_above(figure, axes, columns=4)
+    return figure
+
+
+def _positive(values: Array) -> Array:
+    """Values as a logarithmic axis can show them: NaN where zero, negative or infinite."""
+    return np.where(np.isfinite(values) & (values > 0.0), values, np.nan)
+
+
+def _log_limits(axes: Axes, first: Array, *others: Array) -> None:
+    """Whole view of the first series; others (a bound, say) may widen it by at most three decades on either side."""
+    finite = first[np.isfinite(first)]
+    if not finite.size:
+        return
+    low, high = float(finite.min()), float(finite.max())
+    for values in others:
+        within = values[np.isfinite(values)]
+        if within.size:
+            low = min(low, max(float(within.min()), 1e-3 * low))
+            high = max(high, min(float(within.max()), 1e3 * high))
+    if high < 10.0 * low:  # never less than a decade: the ticks of a logarithmic axis need it
+        middle = np.sqrt(low * high)
+        low, high = middle / np.sqrt(10.0), middle * np.sqrt(10.0)
+    axes.set_ylim(low / 1.4, high * 1.4)

@@ -1,0 +1,111 @@
+"""The data window D_{c:k}: the latest bearings as pseudo-linear measurements (``eq9``, ``eq10``)."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gbt_ocp.bearings import cumulative_bearing_matrix, tangent_basis
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """Linear measurements ``y = hᵀ P_T(t)`` of the target's position, one a row.
+
+    A bearing gives d-1 rows; a known position gives d rows with their own variance.
+
+    Attributes
+    ----------
+    times
+        ``(R,)`` in seconds.
+    directions
+        h ``(R, d)``, unit vectors: the rows of G.
+    values
+        y ``(R,)`` in metres.
+    variances
+        Variance of each row beyond the nugget ``(R,)`` in m²; zero for a bearing.
+    """
+
+    times: Array
+    directions: Array
+    values: Array
+    variances: Array
+
+    def relative_to(self, centre: Array) -> Array:
+        """y of the position relative to ``centre`` ``(d,)``: ``(R,)``."""
+        return np.asarray(self.values - self.directions @ centre)
+
+
+class Window:
+    """Keeps the latest ``min(N_c, k+1)`` samples.
+
+    Parameters
+    ----------
+    capacity
+        N_c >= 2.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        if capacity < 2:
+            raise ValueError(f"the window needs a capacity of at least 2, found {capacity}")
+        self.capacity = capacity
+        self._samples: deque[tuple[float, Array, Array]] = deque(maxlen=capacity)
+
+    def __len__(self) -> int:
+        return len(self._samples)
+
+    def append(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
+        """Add a sample; the oldest one leaves when the window is full.
+
+        Raises
+        ------
+        ValueError
+            If a number is not finite, the bearing is no unit vector, or time does not increase.
+        """
+        b, own = np.asarray(bearing, dtype=float), np.asarray(own_position, dtype=float)
+        if b.shape != own.shape or b.shape not in ((2,), (3,)):
+            raise ValueError(f"bearing and own position must both be 2 or 3 numbers, found {b.shape} and {own.shape}")
+        if not (np.isfinite(time) and np.all(np.isfinite(b)) and np.all(np.isfinite(own))):
+            raise ValueError("time, bearing and own position must be finite")
+        if abs(np.linalg.norm(b) - 1.0) > 1e-6:
+            raise ValueError(f"a bearing must have length 1, found {np.linalg.norm(b):.6g}")
+        if self._samples and time <= self._samples[-1][0]:
+            raise ValueError(f"time must increase, found {time} after {self._samples[-1][0]}")
+        self._samples.append((float(time), b, own))
+
+    @property
+    def times(self) -> Array:
+        """Sample times ``(N,)`` in seconds."""
+        return np.array([sample[0] for sample in self._samples])
+
+    @property
+    def bearings(self) -> Array:
+        """λ ``(N, d)``."""
+        return np.array([sample[1] for sample in self._samples])
+
+    @property
+    def own_positions(self) -> Array:
+        """P_A ``(N, d)``."""
+        return np.array([sample[2] for sample in self._samples])
+
+    def measurements(self) -> Measurements:
+        """The pseudo-linear measurements ``λ̄ᵀ P_A = λ̄ᵀ P_T``, sample by sample, d-1 rows each."""
+        basis = tangent_basis(self.bearings)
+        directions = np.swapaxes(basis, -1, -2)
+        values = np.einsum("kji,ki->kj", directions, self.own_positions)
+        rows = directions.shape[1]
+        return Measurements(
+            np.repeat(self.times, rows),
+            directions.reshape(-1, directions.shape[2]),
+            values.ravel(),
+            np.zeros(values.size),
+        )
+
+    def bearing_matrix(self) -> Array:
+        """P_{c:k} ``(d, d)`` (``eq20``)."""
+        return cumulative_bearing_matrix(self.bearings)
