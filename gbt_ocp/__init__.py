@@ -1,1 +1,49 @@
+"""Trajectory optimisation for bearing-only target tracking: optimal control on CasADi with a Gaussian-process tracker.
 
+    import gbt_ocp as gbt
+    result = gbt.run("case2")
+    result.summary["error_settled"]
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gbt_ocp.experiments.configuration import Configuration
+    from gbt_ocp.experiments.faults import ConfigurationError
+    from gbt_ocp.experiments.loading import load_config
+    from gbt_ocp.experiments.problem import TrackingProblem
+    from gbt_ocp.experiments.result import History, Result
+    from gbt_ocp.experiments.run import run
+
+try:
+    __version__ = version("gbt_ocp")
+except PackageNotFoundError:  # a checkout that was not installed
+    __version__ = "0.0.0"
+
+_HOMES = {
+    "Configuration": "configuration",
+    "ConfigurationError": "faults",
+    "History": "result",
+    "Result": "result",
+    "TrackingProblem": "problem",
+    "load_config": "loading",
+    "run": "run",
+}
+
+__all__ = ["Configuration", "ConfigurationError", "History", "Result", "TrackingProblem", "load_config", "run"]
+
+
+def __getattr__(name: str) -> Any:
+    """Load on first use: CasADi and SciPy take a second to import, which a schema or a fault need not wait for."""
+    if name in _HOMES:
+        from importlib import import_module
+
+        return getattr(import_module(f"gbt_ocp.experiments.{_HOMES[name]}"), name)
+    raise AttributeError(f"module 'gbt_ocp' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOMES])

@@ -1,1 +1,1 @@
-
+"""Experiments: configurations, runs, and the folders they leave."""

@@ -1,1 +1,1 @@
-
+"""Observer strategies: how the vehicle moves, behind one protocol."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.ocp.problem import TrajectoryProblem
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.ocp.transcription import LimitCheck, point_symbols
+from gbt_ocp.ocp.transcription import point_symbols
 
 Array = NDArray[np.float64]
 
@@ -21,7 +23,7 @@ class BrakingPlanner:
     the one that ends slowest; if none does, the one that breaks them least.
     """
 
-    def __init__(self, problem: TrajectoryProblem, check: LimitCheck) -> None:
+    def __init__(self, problem: TrajectoryProblem, check: Callable[[FlatTrajectory], Array]) -> None:
         self._problem = problem
         self._check = check
         point = point_symbols(problem.vehicle.flat_dimension)

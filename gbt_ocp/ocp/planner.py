@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gbt_ocp.ocp.braking import BrakingPlanner
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.problem import TrajectoryProblem
-from gbt_ocp.ocp.solvers import Solution, Solver
+from gbt_ocp.ocp.solvers import ChecksLimits, Solution, Solver
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import Binding, LimitCheck, input_scale, objective_function
 
@@ -38,7 +38,7 @@ class Planner:
         self.solver = solver
         self._scale = input_scale(problem)
         self._binding = Binding(problem)
-        self._check = LimitCheck(problem)
+        self._check = solver.check if isinstance(solver, ChecksLimits) else LimitCheck(problem)
         self._braking = BrakingPlanner(problem, self._check)
         self._objectives = [objective_function(problem, term).map(problem.pieces) for term in problem.objectives]
         self._previous: FlatTrajectory | None = None

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.ocp.problem import TrajectoryProblem
+from gbt_ocp.ocp.trajectory import FlatTrajectory
 
 Array = NDArray[np.float64]
 
@@ -63,20 +65,48 @@ class Solver(Protocol):
         """
 
 
-SOLVERS = {"ipopt": "interior point with exact derivatives from CasADi, the reference"}
+@runtime_checkable
+class ChecksLimits(Protocol):
+    """A solver that brings its own, faster check of the true limits of a trajectory."""
+
+    def check(self, trajectory: FlatTrajectory) -> Array:
+        """Largest violation of each piece ``(p,)``; see :class:`gbt_ocp.ocp.transcription.LimitCheck`."""
+
+
+SOLVERS = {
+    "compiled": "interior point in C99, generated for the problem; needs a C compiler once",
+    "ipopt": "interior point with exact derivatives from CasADi, the reference",
+}
 """Names and one-line descriptions of the solvers that a configuration can name besides ``auto``."""
 
 
 def make_solver(problem: TrajectoryProblem, name: str, options: Mapping[str, Any]) -> Solver:
-    """Build the solver of that name; ``auto`` takes the best one there is.
+    """Build the solver of that name; ``auto`` takes ``compiled`` where that can be had and ``ipopt`` elsewhere.
+
+    Warns
+    -----
+    RuntimeWarning
+        If ``auto`` had to fall back on IPOPT; the message says why.
 
     Raises
     ------
     ValueError
         If the name is unknown; the message lists the known ones.
     """
+    from gbt_ocp.ocp.codegen.building import CompilerError
+    from gbt_ocp.ocp.codegen.expressions import NotGenerableError
+    from gbt_ocp.ocp.compiled import CompiledSolver
     from gbt_ocp.ocp.ipopt import IpoptSolver
 
-    if name in ("auto", "ipopt"):
+    if name == "ipopt":
         return IpoptSolver(problem, options)
+    if name == "compiled":
+        return CompiledSolver(problem, options)
+    if name == "auto":
+        try:
+            return CompiledSolver(problem, options)
+        except (CompilerError, NotGenerableError) as reason:
+            warnings.warn(f"solver: auto takes ipopt, which is far slower: {reason}", RuntimeWarning, stacklevel=3)
+            # the options were meant for the compiled solver
+            return IpoptSolver(problem, {})
     raise ValueError(f"solver: found {name!r}; allowed: auto, {', '.join(SOLVERS)}")

@@ -24,6 +24,10 @@ from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory, propagate
 Array = NDArray[np.float64]
 
 
+FINE_POINTS = 101
+"""Grid points a piece at which a finished trajectory is held against its limits, both ends included."""
+
+
 def input_scale(problem: TrajectoryProblem) -> Array:
     """Natural size of the L-th derivative ``(n,)``: one that changes z̈ by its scale within a period."""
     return problem.vehicle.acceleration_scale / problem.period ** (problem.degree - 2)
@@ -197,7 +201,7 @@ class LimitCheck:
         Grid points a piece, both ends included.
     """
 
-    def __init__(self, problem: TrajectoryProblem, points: int = 101) -> None:
+    def __init__(self, problem: TrajectoryProblem, points: int = FINE_POINTS) -> None:
         self.points = points
         self._constraints = problem.constraints
         self._functions = [

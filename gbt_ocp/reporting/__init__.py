@@ -1,1 +1,1 @@
-
+"""Figures and tables, drawn from run folders only."""

@@ -1,1 +1,1 @@
-
+"""Trackers: estimators of the target's motion behind one protocol."""

@@ -1,0 +1,192 @@
+"""From a checked configuration to the parts of a closed loop."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gbt_ocp.bearings import DesiredBearing
+from gbt_ocp.experiments.configuration import (
+    Configuration,
+    ConstantForceGuidance,
+    FossenVehicle,
+    RandomGuidance,
+    StaticGuidance,
+    TrackTarget,
+    VehicleParameters,
+)
+from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
+from gbt_ocp.guidance.planned import PlannedMotion
+from gbt_ocp.guidance.protocol import Guidance
+from gbt_ocp.ocp import BearingSimilarity, Objective, Planner, RangePull, ThrustLimit, TrajectoryProblem
+from gbt_ocp.sensors import BearingSensor
+from gbt_ocp.simulation import ClosedLoop
+from gbt_ocp.targets import Target, case_target
+from gbt_ocp.targets import TrackTarget as RecordedTarget
+from gbt_ocp.tracking.gp import GaussianProcessTracker
+from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenParameters, Vehicle
+from gbt_ocp.vehicles import FossenVehicle as Fossen
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Streams:
+    """Independent random streams of one seed: a change of the sensor's noise does not move the start."""
+
+    start: np.random.Generator
+    sensor: np.random.Generator
+    guidance: np.random.Generator
+
+    @classmethod
+    def of(cls, seed: int) -> Streams:
+        """The streams of a seed."""
+        return cls(*(np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(3)))
+
+
+def build_target(configuration: Configuration) -> Target:
+    """The target's motion."""
+    section = configuration.target
+    if isinstance(section, TrackTarget):
+        return RecordedTarget.from_csv(
+            section.path,
+            configuration.dimension,
+            length_scale=section.length_scale,
+            time_scale=section.time_scale,
+            start=section.start_m,
+            start_time=section.start_time_s,
+        )
+    if section.kind == "problem":
+        factory = configuration.problem_object.target
+        return cast(Target, factory())  # type: ignore[operator]  # checked when the configuration was read
+    step = getattr(section, "turn_rate_step", 0.0)
+    return case_target(int(section.kind[-1]), turn_rate_step=step, every_s=getattr(section, "every_s", 10.0))
+
+
+def build_vehicle(configuration: Configuration) -> Vehicle:
+    """The vehicle."""
+    section = configuration.vehicle
+    if not isinstance(section, FossenVehicle):
+        factory = configuration.problem_object.vehicle
+        assert factory is not None, "checked when the configuration was read"
+        return cast(Vehicle, factory())
+    given = section.parameters
+    if isinstance(given, VehicleParameters):
+        parameters = FossenParameters(
+            given.mass, given.inertia, given.added_mass, given.linear_drag, given.quadratic_drag
+        )
+    else:
+        parameters = FALCON_2D if configuration.dimension == 2 else FALCON_3D
+    return Fossen(parameters, section.thrust_max)
+
+
+def build_desired_bearing(configuration: Configuration) -> DesiredBearing:
+    """λ*(t): ω = 2π/(T m), or one turn in ``period_s``."""
+    section = configuration.desired_bearing
+    turn = section.period_s
+    if turn is None:
+        assert section.m is not None, "checked when the configuration was read"
+        turn = configuration.sensor.period_s * section.m
+    return DesiredBearing(configuration.dimension, 2.0 * math.pi / turn, section.axis or (0.0, 0.0, 1.0))
+
+
+def build_sensor(configuration: Configuration) -> BearingSensor:
+    """The bearing sensor."""
+    section = configuration.sensor
+    return BearingSensor(
+        section.period_s,
+        math.radians(section.noise_deg),
+        section.missed_probability,
+        math.radians(section.outlier_deg),
+        section.outlier_every_s,
+    )
+
+
+def build_tracker(configuration: Configuration, start: Array) -> GaussianProcessTracker:
+    """The tracker; ``start`` is the vehicle's first position ``(d,)``."""
+    section, prior = configuration.tracker, configuration.tracker.prior
+    covariance = None
+    if prior is not None:
+        covariance = prior.covariance if prior.std is None else prior.std**2 * np.eye(configuration.dimension)
+    return GaussianProcessTracker(
+        configuration.dimension,
+        window=section.window,
+        kernel=section.kernel,
+        centre=section.centre,
+        length_scale=None if section.length_scale == "tuned" else section.length_scale,
+        amplitude=None if section.amplitude == "tuned" else section.amplitude,
+        nugget=section.nugget,
+        prior_position=None if prior is None else prior.position,
+        prior_covariance=covariance,
+        start=start,
+    )
+
+
+def build_problem(configuration: Configuration, vehicle: Vehicle) -> TrajectoryProblem:
+    """The trajectory problem in the formulation that is asked for."""
+    section, dimension = configuration.planner, configuration.dimension
+    problem = TrajectoryProblem(vehicle, section.pieces, configuration.sensor.period_s, section.degree)
+    own = configuration.problem_object.objective
+    problem = problem.maximize(BearingSimilarity(dimension, section.kappa) if own is None else cast(Objective, own()))
+    if section.range_pull > 0.0:
+        problem = problem.maximize(RangePull(dimension, section.range_pull, section.range_reference_m))
+    limit = ThrustLimit(vehicle, section.gamma, section.thrust_units)
+    if section.formulation == "hard":
+        return problem.subject_to(limit, nodes=section.nodes)
+    return problem.subject_to_penalty(limit, weight=section.weight, width=section.width, nodes=section.nodes)
+
+
+def build_planner(configuration: Configuration, vehicle: Vehicle) -> Planner:
+    """The planner with its solver."""
+    section = configuration.planner
+    return build_problem(configuration, vehicle).compile(section.solver, section.solver_options)
+
+
+def build_guidance(
+    configuration: Configuration, vehicle: Vehicle, desired: DesiredBearing, rng: np.random.Generator
+) -> Guidance:
+    """The observer strategy."""
+    section = configuration.guidance
+    if isinstance(section, StaticGuidance):
+        return Static(vehicle)
+    if isinstance(section, ConstantForceGuidance):
+        return ConstantForce(vehicle, section.force)
+    if isinstance(section, RandomGuidance):
+        return RandomThrust(vehicle, section.hold_s, rng)
+    return PlannedMotion(build_planner(configuration, vehicle), desired)
+
+
+def build_start(configuration: Configuration, vehicle: Vehicle, rng: np.random.Generator) -> Array:
+    """Derivatives 0 … L-1 of the flat output at the start ``(L, n)``: at rest, somewhere in the box."""
+    section = configuration.vehicle.start
+    box = rng.uniform(-section.box_m, section.box_m, configuration.dimension)
+    flat = np.zeros((configuration.planner.degree, vehicle.flat_dimension))
+    flat[0, : configuration.dimension] = box if section.position_m is None else section.position_m
+    if vehicle.flat_dimension > configuration.dimension:
+        flat[0, configuration.dimension] = math.radians(section.yaw_deg)
+    return flat
+
+
+def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
+    """The closed loop of a configuration, and where the vehicle starts ``(L, n)``."""
+    streams = Streams.of(configuration.seed)
+    vehicle = build_vehicle(configuration)
+    desired = build_desired_bearing(configuration)
+    start = build_start(configuration, vehicle, streams.start)
+    loop = ClosedLoop(
+        target=build_target(configuration),
+        sensor=build_sensor(configuration),
+        tracker=build_tracker(configuration, start[0, : configuration.dimension]),
+        guidance=build_guidance(configuration, vehicle, desired, streams.guidance),
+        vehicle=vehicle,
+        desired=desired,
+        forecast=configuration.tracker.forecast,
+        follow=configuration.vehicle.follow,
+        bound_delta=configuration.tracker.bound_delta,
+        rng=streams.sensor,
+    )
+    return loop, start

@@ -1,0 +1,76 @@
+"""One experiment: a configuration in, a result out."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from tqdm import tqdm
+
+from gbt_ocp.experiments.build import build_loop
+from gbt_ocp.experiments.configuration import Configuration
+from gbt_ocp.experiments.faults import ConfigurationError
+from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.result import History, Result, installed_versions, summarise
+from gbt_ocp.simulation import simulate
+
+
+def run(
+    configuration: Configuration | str | Path | Mapping[str, Any],
+    *,
+    overrides: Iterable[str] = (),
+    seed: int | None = None,
+    progress: bool = False,
+) -> Result:
+    """Run one experiment.
+
+    Parameters
+    ----------
+    configuration
+        A configuration, the name of a shipped one, a path to a YAML file, or a mapping with its keys.
+    overrides
+        ``key.path=value`` strings that replace single keys; only for a configuration that is not loaded yet.
+    seed
+        Replaces the seed, likewise.
+    progress
+        Show a progress bar on standard error.
+
+    Raises
+    ------
+    ConfigurationError
+        If the configuration is wrong; one line a fault.
+    """
+    if not isinstance(configuration, Configuration):
+        configuration = load_config(configuration, overrides=list(overrides), seed=seed)
+    elif seed is not None or list(overrides):
+        raise ValueError("overrides and seed belong to load_config; this configuration is loaded already")
+    began = perf_counter()
+    try:
+        loop, start = build_loop(configuration)
+    except ValueError as fault:
+        # What only shows when the parts are put together is still a fault of the input.
+        raise ConfigurationError([f"{configuration.name}: {fault}"]) from fault
+
+    period = configuration.sensor.period_s
+    steps = round(configuration.duration_s / period) + 1
+    with tqdm(total=steps, disable=not progress, file=sys.stderr, unit="step", desc=configuration.name) as bar:
+
+        def show(step: int, error: float, solver_time: float) -> None:
+            bar.set_postfix_str(f"error {error:.4f} m, solver {1e3 * solver_time:.1f} ms", refresh=False)
+            bar.update()
+
+        recording = simulate(loop, start, configuration.duration_s, show if progress else None)
+    history = History(**recording.arrays)  # type: ignore[arg-type]  # names and kinds are checked there
+    summary = summarise(
+        history,
+        period=period,
+        seed=configuration.seed,
+        wall_s=perf_counter() - began,
+        solver_first_try=(history.solver_status == "solved") & (history.fallback == ""),
+        retries={"tightened": recording.tightened, "nugget": recording.nugget_retries},
+        versions=installed_versions(),
+    )
+    return Result(configuration, history, summary)

@@ -1,0 +1,74 @@
+"""CasADi functions as plain C: one C function each, from CasADi's own generated code.
+
+CasADi wraps what it generates in an interface of ten functions each (sparsities, memory, names) that a caller in C
+has no use for and that does not compile without warnings. Only the body is kept.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import casadi as ca
+
+ARGUMENTS = 3
+"""Every C function takes as many inputs, so that all have one type."""
+
+
+class NotGenerableError(ValueError):
+    """An expression has no form in C that needs nothing but libm."""
+
+
+def c_function(name: str, inputs: Sequence[ca.SX], output: ca.SX) -> ca.Function:
+    """A function of SX symbols, at most :data:`ARGUMENTS`, with one dense output."""
+    return ca.Function(name, list(inputs), [ca.densify(output)], {"cse": True})
+
+
+def c_source(functions: Sequence[ca.Function]) -> str:
+    """Definitions ``static void NAME(const gbt_real *x0, …, gbt_real *out)`` of these functions.
+
+    Raises
+    ------
+    NotGenerableError
+        If an expression has no form in C that needs nothing but libm.
+    """
+    generator = ca.CodeGenerator(
+        "expressions.c", {"casadi_real": "gbt_real", "casadi_int": "int", "with_export": False, "include_math": False}
+    )
+    for function in functions:
+        generator.add(function)
+    text = generator.dump()
+    parts = [_operators(text)]
+    for function in functions:
+        parts.append(_definition(text, function))
+    return "\n".join(part for part in parts if part)
+
+
+def _operators(text: str) -> str:
+    """CasADi's C for operators that libm does not have, such as the square."""
+    block = text[: text.index("/* Configuration this file")]
+    found = re.findall(r"^(?:casadi_real|casadi_int|static) [^;{}]*\{.*?\}$", block, flags=re.MULTILINE | re.DOTALL)
+    return "\n".join(_plain(f"static {entry}" if not entry.startswith("static") else entry) for entry in found)
+
+
+def _definition(text: str, function: ca.Function) -> str:
+    name = function.name()
+    # The published function only calls the numbered one that holds the body.
+    number = re.search(rf"^(?:\w+ )*{name}\(const casadi_real\*\*.*\n\s*return (casadi_f\d+)\(", text, re.MULTILINE)
+    if number is None:
+        raise NotGenerableError(f"CasADi generated no C code for {name}")
+    start = text.index(f"static int {number.group(1)}(")
+    body = text[text.index("{", start) + 1 : text.index("\n}", start)]
+    body = re.sub(r"arg\[(\d+)\]\? arg\[\1\]\[(\d+)\] : 0", r"x\1[\2]", body)
+    body = re.sub(r"if \(res\[0\]!=0\) res\[0\]\[(\d+)\]", r"out[\1]", body)
+    body = body.replace("  return 0;", "")
+    if re.search(r"\b(arg|res|iw|w|mem)\b|casadi_s\d", body):
+        raise NotGenerableError(f"{name} cannot be generated as C: it calls functions of its own")
+    inputs = [f"x{i}" for i in range(ARGUMENTS)]
+    idle = "".join(f"  (void){x};\n" for x in inputs if not re.search(rf"\b{x}\[", body))
+    arguments = ", ".join(f"const gbt_real *{x}" for x in inputs)
+    return f"static void {name}({arguments}, gbt_real *out)\n{{{_plain(body).rstrip()}\n{idle}}}\n"
+
+
+def _plain(text: str) -> str:
+    return text.replace("casadi_real", "gbt_real").replace("casadi_int", "int")

@@ -1,0 +1,193 @@
+"""The compiled solver: generated derivatives and the C kernel, called from Python without copying."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gbt_ocp.ocp.codegen.building import build_library, kernel_files
+from gbt_ocp.ocp.codegen.generation import generate_problem
+from gbt_ocp.ocp.problem import TrajectoryProblem
+from gbt_ocp.ocp.solvers import Solution
+from gbt_ocp.ocp.trajectory import FlatTrajectory
+from gbt_ocp.ocp.transcription import FINE_POINTS
+
+Array = NDArray[np.float64]
+
+STATUSES = ("solved", "limit violated", "iteration limit", "input not finite", "numerical failure")
+"""What the exit codes of the kernel are called."""
+
+
+@dataclass(frozen=True)
+class CompiledOptions:
+    """Options of the compiled solver (``solver_options`` of a configuration).
+
+    Attributes
+    ----------
+    tolerance
+        Largest gradient of the Lagrangian, per scaled unknown.
+    gap
+        Largest sum of the complementarity products, which bounds what the objective loses by the barrier.
+    feasibility
+        A hard limit counts as kept up to this, in units of the limit.
+    barrier
+        μ at the start.
+    limit_weight
+        c: weight of the l1 penalty that imposes the hard limits, exact while their multipliers stay below it.
+    iterations
+        Iterations of one start before another one is tried.
+    deadline
+        Iterations of all starts together; the last iterate can still be judged.
+    """
+
+    tolerance: float = 1.0e-4
+    gap: float = 2.0e-3
+    feasibility: float = 1.0e-6
+    barrier: float = 1.0e-2
+    limit_weight: float = 10.0
+    iterations: int = 60
+    deadline: int = 300
+
+    @classmethod
+    def checked(cls, options: Mapping[str, Any]) -> CompiledOptions:
+        """From a mapping.
+
+        Raises
+        ------
+        ValueError
+            If an option is unknown or not a positive number.
+        """
+        allowed = {field.name: field.type for field in fields(cls)}
+        for key, value in options.items():
+            if key not in allowed:
+                raise ValueError(f"solver_options.{key}: found {value!r}; allowed keys: {', '.join(allowed)}")
+            whole = allowed[key] == "int"
+            number = isinstance(value, int if whole else int | float) and not isinstance(value, bool)
+            if not (number and 0.0 < value < np.inf):
+                raise ValueError(
+                    f"solver_options.{key}: found {value!r}; allowed: a positive {'whole ' * whole}number"
+                )
+        return cls(**options)
+
+
+class _Settings(ctypes.Structure):
+    _fields_ = [
+        *((name, ctypes.c_double) for name in ("tolerance", "gap", "feasibility", "barrier", "limit_weight")),
+        *((name, ctypes.c_int) for name in ("iterations", "deadline")),
+    ]
+
+
+class _Result(ctypes.Structure):
+    _fields_ = [
+        *((name, ctypes.c_int) for name in ("status", "iterations", "starts")),
+        *((name, ctypes.c_double) for name in ("residual", "violation", "objective")),
+    ]
+
+
+@dataclass(frozen=True)
+class CompiledSolution(Solution):
+    """A solution with what the kernel reports beside it.
+
+    Attributes
+    ----------
+    starts
+        1, unless the solver had to begin again.
+    residual
+        Infinity norm of the gradient of the Lagrangian, per scaled unknown.
+    violation
+        Worst violation at the nodes of the limits as the solver sees them, back-off and tightening included, in units
+        of the limits; negative inside.
+    objective
+        Without penalty.
+    """
+
+    starts: int
+    residual: float
+    violation: float
+    objective: float
+
+
+class CompiledSolver:
+    """Interior-point solver in C99, generated for one problem.
+
+    The library is compiled once and kept in the user's cache.
+
+    Parameters
+    ----------
+    problem
+        What to solve.
+    options
+        See :class:`CompiledOptions`.
+
+    Raises
+    ------
+    ValueError
+        If an option is wrong, or the problem cannot be written as C.
+    gbt_ocp.ocp.codegen.building.CompilerError
+        If there is no working C compiler.
+    """
+
+    name = "compiled"
+
+    def __init__(self, problem: TrajectoryProblem, options: Mapping[str, Any]) -> None:
+        self._made_from = (problem, dict(options))
+        self._settings = _Settings(**asdict(CompiledOptions.checked(options)))
+        self.library = build_library(kernel_files() | generate_problem(problem).files)
+        kernel = ctypes.CDLL(str(self.library))
+        kernel.gbt_workspace_bytes.restype = ctypes.c_size_t
+        self._workspace = np.zeros(kernel.gbt_workspace_bytes() // 8 + 1)
+        numbers = ctypes.c_void_p
+        kernel.gbt_solve.argtypes = [numbers, numbers, numbers, ctypes.c_double, numbers, numbers, numbers]
+        self._solve = kernel.gbt_solve
+        kernel.gbt_check.argtypes = [numbers, numbers, ctypes.c_int, ctypes.c_int, numbers]
+        self._check = kernel.gbt_check
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A loaded library does not pickle; it is found again in the cache, or compiled, where the solver arrives.
+        return type(self), self._made_from
+
+    @property
+    def workspace_bytes(self) -> int:
+        """Size of the kernel's workspace."""
+        return self._workspace.nbytes
+
+    def solve(
+        self, start: Array, objectives: Sequence[Array], guess: Array, *, cold: bool, tightening: float = 0.0
+    ) -> CompiledSolution:
+        """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.Solver.solve`. Cold and warm starts are alike here."""
+        begin = np.ascontiguousarray(start, dtype=float)
+        parameters = np.ascontiguousarray(np.vstack(list(objectives)).T, dtype=float)
+        variables = np.array(guess, dtype=float, order="C")
+        result = _Result()
+        self._solve(
+            ctypes.byref(self._settings),
+            begin.ctypes.data,
+            parameters.ctypes.data,
+            tightening,
+            variables.ctypes.data,
+            self._workspace.ctypes.data,
+            ctypes.byref(result),
+        )
+        return CompiledSolution(
+            variables=variables,
+            solved=result.status == 0,
+            status=STATUSES[result.status],
+            iterations=result.iterations,
+            starts=result.starts,
+            residual=result.residual,
+            violation=result.violation,
+            objective=result.objective,
+        )
+
+    def check(self, trajectory: FlatTrajectory) -> Array:
+        """The same as :class:`gbt_ocp.ocp.transcription.LimitCheck`, from the compiled limits."""
+        start = np.ascontiguousarray(trajectory.start, dtype=float)
+        top = np.ascontiguousarray(trajectory.top, dtype=float)
+        violation = np.empty(len(top))
+        self._check(start.ctypes.data, top.ctypes.data, len(top), FINE_POINTS, violation.ctypes.data)
+        return violation

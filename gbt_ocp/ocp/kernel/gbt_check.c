@@ -1,0 +1,37 @@
+#include "gbt_check.h"
+
+#include <math.h>
+
+#include "gbt_pieces.h"
+
+static gbt_real worst_at(const gbt_real *point, gbt_real worst)
+{
+    gbt_real value[GBT_ROWS];
+    for (int q = 0; q < GBT_LIMITS; q++) {
+        const gbt_limit *limit = &gbt_limits[q];
+        limit->value(point, 0, 0, value);
+        for (int r = 0; r < limit->sides; r++) {
+            const gbt_real over = limit->sign[r] * value[limit->row[r]] - limit->edge[r];
+            if (isnan(over)) return (gbt_real)HUGE_VAL;
+            if (over > worst) worst = over;
+        }
+    }
+    return worst;
+}
+
+void gbt_check(const gbt_real *start, const gbt_real *top, int pieces, int points, gbt_real *violation)
+{
+    gbt_real piece[GBT_ORDERS][GBT_FLAT], end[GBT_ORDERS][GBT_FLAT], point[GBT_POINT];
+    for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = start[a];
+    for (int i = 0; i < pieces; i++) {
+        for (int j = 0; j < GBT_FLAT; j++) piece[GBT_DEGREE][j] = top[i * GBT_FLAT + j];
+        violation[i] = -(gbt_real)HUGE_VAL;
+        for (int k = 0; k < points; k++) {
+            gbt_point_after(piece, GBT_PERIOD * (gbt_real)k / (gbt_real)(points - 1), point);
+            violation[i] = worst_at(point, violation[i]);
+        }
+        gbt_next_piece(piece, end);
+        for (int l = 0; l < GBT_DEGREE; l++)
+            for (int j = 0; j < GBT_FLAT; j++) piece[l][j] = end[l][j];
+    }
+}

@@ -1,0 +1,15 @@
+/* The true limits of a trajectory, on a grid finer than the nodes: what decides whether a piece may be executed. */
+#ifndef GBT_CHECK_H
+#define GBT_CHECK_H
+
+#include "gbt_solver.h"
+
+/* Largest violation of each piece in units of the limits, negative inside them, HUGE_VAL where one is not a number,
+   minus HUGE_VAL without limits.
+
+   start    derivatives 0 .. L-1, GBT_DEGREE x GBT_FLAT
+   top      L-th derivatives, pieces x GBT_FLAT, not scaled
+   points   of the grid of a piece, both ends included, at least 2 */
+void gbt_check(const gbt_real *start, const gbt_real *top, int pieces, int points, gbt_real *violation);
+
+#endif

@@ -1,0 +1,39 @@
+/* The trajectory and its derivatives, piece by piece. A piece is described by the derivatives 0 .. L of the flat output
+   at its beginning; only the L-th is free, the others follow from the piece before. */
+#ifndef GBT_PIECES_H
+#define GBT_PIECES_H
+
+#include "gbt_solver.h"
+
+/* b[o][l]: how much of derivative l at the beginning is in derivative o after s seconds, for o = 0 .. rows-1. */
+void gbt_taylor(gbt_real s, int rows, gbt_real b[][GBT_ORDERS]);
+
+/* z, its rate and its acceleration after s seconds of a piece. */
+void gbt_point_after(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real s, gbt_real *point);
+
+/* Derivatives 0 .. L-1 at the end of a piece. */
+void gbt_next_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDERS][GBT_FLAT]);
+
+/* Fills derivatives 0 .. L-1 of all pieces but the first from the L-th derivatives. */
+void gbt_propagate(gbt_real piece[][GBT_ORDERS][GBT_FLAT]);
+
+/* Gradient with respect to the L-th derivatives of all pieces, from the one with respect to the numbers of each piece
+   (which is spent): the adjoint of gbt_propagate. */
+void gbt_adjoint(gbt_real gradient[][GBT_ORDERS][GBT_FLAT], gbt_real out[][GBT_FLAT]);
+
+/* Objective and sides of the limits; returns f, minus the objective. */
+gbt_real gbt_evaluate(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GBT_FLAT], gbt_real *y);
+
+/* At work->piece: gradient of f, and the Jacobians of the limits at all nodes. */
+void gbt_differentiate(gbt_workspace *work);
+
+/* out += the Jacobians transposed times one number for each side. */
+void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_real out[][GBT_ORDERS][GBT_FLAT]);
+
+/* work->dy: the change of every side along work->step. */
+void gbt_push_forward(gbt_workspace *work);
+
+/* work->curvature: Hessian of f + lambda y, plus the Jacobians' squares weighted with work->sigma. */
+void gbt_assemble(gbt_workspace *work);
+
+#endif

@@ -1,0 +1,114 @@
+#include "gbt_riccati.h"
+
+#include <tgmath.h>
+
+#include "gbt_pieces.h"
+
+/* Solves L x = b and then L' x = b in place. */
+static void forward(gbt_real factor[GBT_FLAT][GBT_FLAT], gbt_real *x)
+{
+    for (int a = 0; a < GBT_FLAT; a++) {
+        for (int c = 0; c < a; c++) x[a] -= factor[a][c] * x[c];
+        x[a] /= factor[a][a];
+    }
+}
+
+static void backward(gbt_real factor[GBT_FLAT][GBT_FLAT], gbt_real *x)
+{
+    for (int a = GBT_FLAT - 1; a >= 0; a--) {
+        for (int c = a + 1; c < GBT_FLAT; c++) x[a] -= factor[c][a] * x[c];
+        x[a] /= factor[a][a];
+    }
+}
+
+/* h += M' P M, where the next state is M times the numbers of the piece. */
+static void add_rest(gbt_real b[GBT_DEGREE][GBT_ORDERS], gbt_real rest[GBT_STATE][GBT_STATE],
+                     gbt_real h[GBT_PIECE][GBT_PIECE])
+{
+    for (int row = 0; row < GBT_STATE; row++) {
+        const int o1 = row / GBT_FLAT, j1 = row % GBT_FLAT;
+        gbt_real product[GBT_PIECE]; /* this row of P M */
+        for (int l = 0; l < GBT_ORDERS; l++)
+            for (int j = 0; j < GBT_FLAT; j++) {
+                gbt_real value = 0;
+                for (int o = 0; o < GBT_DEGREE && o <= l; o++) value += rest[row][o * GBT_FLAT + j] * b[o][l];
+                product[l * GBT_FLAT + j] = value;
+            }
+        for (int l = o1; l < GBT_ORDERS; l++)
+            for (int a = 0; a <= l * GBT_FLAT + j1; a++) h[l * GBT_FLAT + j1][a] += b[o1][l] * product[a];
+    }
+}
+
+int gbt_factorise(gbt_workspace *work, gbt_real delta)
+{
+    gbt_real b[GBT_DEGREE][GBT_ORDERS], rest[GBT_STATE][GBT_STATE], h[GBT_PIECE][GBT_PIECE];
+    gbt_taylor(GBT_PERIOD, GBT_DEGREE, b);
+    for (int i = GBT_PIECES - 1; i >= 0; i--) {
+        /* Quadratic model from this piece on; only the lower triangle is kept. */
+        for (int a = 0; a < GBT_PIECE; a++)
+            for (int c = 0; c <= a; c++) h[a][c] = work->curvature[i][a][c];
+        if (i < GBT_PIECES - 1) add_rest(b, rest, h);
+
+        /* Cholesky factor of its part in the L-th derivative. */
+        gbt_real(*factor)[GBT_FLAT] = work->factor[i];
+        for (int a = 0; a < GBT_FLAT; a++) {
+            h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
+            const gbt_real natural = fabs(h[GBT_STATE + a][GBT_STATE + a]);
+            for (int c = 0; c <= a; c++) {
+                gbt_real value = h[GBT_STATE + a][GBT_STATE + c];
+                for (int k = 0; k < c; k++) value -= factor[a][k] * factor[c][k];
+                if (c < a)
+                    factor[a][c] = value / factor[c][c];
+                else if (value > 10 * GBT_EPSILON * natural)
+                    factor[a][a] = sqrt(value);
+                else
+                    return 0; /* also where value is NaN */
+            }
+        }
+
+        /* Eliminate it: the gain, and the model of the rest as a function of the state. */
+        for (int c = 0; c < GBT_STATE; c++) {
+            gbt_real column[GBT_FLAT];
+            for (int a = 0; a < GBT_FLAT; a++) column[a] = h[GBT_STATE + a][c];
+            forward(factor, column);
+            for (int a = 0; a < GBT_FLAT; a++) work->gain[i][a][c] = column[a];
+        }
+        for (int a = 0; a < GBT_STATE; a++)
+            for (int c = 0; c <= a; c++) {
+                gbt_real value = h[a][c];
+                for (int k = 0; k < GBT_FLAT; k++) value -= work->gain[i][k][a] * work->gain[i][k][c];
+                rest[a][c] = rest[c][a] = value;
+            }
+    }
+    return 1;
+}
+
+void gbt_newton_step(gbt_workspace *work, gbt_real gradient[][GBT_ORDERS][GBT_FLAT])
+{
+    gbt_real b[GBT_DEGREE][GBT_ORDERS];
+    gbt_taylor(GBT_PERIOD, GBT_DEGREE, b);
+    for (int i = GBT_PIECES - 1; i >= 0; i--) {
+        gbt_real *push = work->push[i];
+        for (int a = 0; a < GBT_FLAT; a++) push[a] = -gradient[i][GBT_DEGREE][a];
+        forward(work->factor[i], push);
+        if (i == 0) continue;
+        for (int o = 0; o < GBT_DEGREE; o++)
+            for (int j = 0; j < GBT_FLAT; j++) {
+                gbt_real slope = gradient[i][o][j];
+                for (int k = 0; k < GBT_FLAT; k++) slope += work->gain[i][k][o * GBT_FLAT + j] * push[k];
+                for (int l = o; l < GBT_ORDERS; l++) gradient[i - 1][l][j] += b[o][l] * slope;
+            }
+    }
+    for (int o = 0; o < GBT_DEGREE; o++)
+        for (int j = 0; j < GBT_FLAT; j++) work->step[0][o][j] = 0;
+    for (int i = 0; i < GBT_PIECES; i++) {
+        gbt_real *top = work->step[i][GBT_DEGREE];
+        for (int a = 0; a < GBT_FLAT; a++) {
+            top[a] = work->push[i][a];
+            for (int c = 0; c < GBT_STATE; c++)
+                top[a] -= work->gain[i][a][c] * work->step[i][c / GBT_FLAT][c % GBT_FLAT];
+        }
+        backward(work->factor[i], top);
+        if (i + 1 < GBT_PIECES) gbt_next_piece(work->step[i], work->step[i + 1]);
+    }
+}

@@ -1,0 +1,87 @@
+/* Solver of trajectory problems of flat vehicles: the interface of the kernel.
+
+   The problem itself (sizes, limits, derivatives) is generated: gbt_problem.h and gbt_problem.c. The kernel allocates
+   nothing, recurses nowhere, keeps nothing between calls outside the workspace, and calls only libm. */
+#ifndef GBT_SOLVER_H
+#define GBT_SOLVER_H
+
+#include <stddef.h>
+
+#include "gbt_problem.h"
+
+#define GBT_ORDERS (GBT_DEGREE + 1)           /* derivatives 0 .. L of the flat output describe a piece */
+#define GBT_PIECE (GBT_ORDERS * GBT_FLAT)     /* numbers that describe a piece */
+#define GBT_STATE (GBT_DEGREE * GBT_FLAT)     /* derivatives 0 .. L-1: what a piece inherits from the one before */
+#define GBT_POINT (3 * GBT_FLAT)              /* z, its rate and its acceleration at one time */
+
+typedef enum {
+    GBT_SOLVED = 0,
+    GBT_LIMIT_VIOLATED = 1,    /* solved, but the limits cannot all be kept: the plan of least violation */
+    GBT_ITERATION_LIMIT = 2,   /* out of iterations; the iterate is finite and can be judged by its violation */
+    GBT_NOT_FINITE = 3,        /* an input is NaN or infinite; nothing was done */
+    GBT_NUMERICAL_FAILURE = 4  /* no usable iterate */
+} gbt_status;
+
+typedef struct {
+    gbt_real tolerance;      /* largest gradient of the Lagrangian, per scaled unknown */
+    gbt_real gap;            /* largest sum of the complementarity products: bounds the loss of objective */
+    gbt_real feasibility;    /* a hard limit counts as kept up to this, in units of the limit */
+    gbt_real barrier;        /* mu at the start */
+    gbt_real limit_weight;   /* c of the hard limits: the l1 penalty is exact while multipliers stay below it */
+    int iterations;          /* of one start, before another one is tried */
+    int deadline;            /* of all starts together */
+} gbt_settings;
+
+typedef struct {
+    gbt_status status;
+    int iterations;
+    int starts;              /* 1, unless the solver had to begin again */
+    gbt_real residual;       /* infinity norm of the gradient of the Lagrangian, per scaled unknown */
+    gbt_real violation;      /* worst violation of a limit at the nodes as the solver sees it, tightening and back-off
+                                included, in units of the limits; negative inside */
+    gbt_real objective;      /* to be maximised, without penalty */
+} gbt_result;
+
+/* Everything a solve needs besides its arguments; its content on entry does not matter. A "side" is one bound of one
+   constraint at one node. */
+typedef struct {
+    /* the trajectory: derivatives 0 .. L of each piece at its beginning */
+    gbt_real piece[GBT_PIECES][GBT_ORDERS][GBT_FLAT];
+    gbt_real trial[GBT_PIECES][GBT_ORDERS][GBT_FLAT];
+    gbt_real step[GBT_PIECES][GBT_ORDERS][GBT_FLAT];
+    /* derivatives with respect to the numbers of each piece */
+    gbt_real gradient[GBT_PIECES][GBT_ORDERS][GBT_FLAT];
+    gbt_real pull[GBT_PIECES][GBT_ORDERS][GBT_FLAT];
+    gbt_real curvature[GBT_PIECES][GBT_PIECE][GBT_PIECE];
+    gbt_real jacobian[GBT_JACOBIANS];
+    /* the Riccati recursion */
+    gbt_real factor[GBT_PIECES][GBT_FLAT][GBT_FLAT];
+    gbt_real gain[GBT_PIECES][GBT_FLAT][GBT_STATE];
+    gbt_real push[GBT_PIECES][GBT_FLAT];
+    /* limits: y = e + s - t - width, with weight c, multipliers lambda of t and c - lambda of s */
+    gbt_real c[GBT_SIDES], width[GBT_SIDES];
+    gbt_real y[GBT_SIDES], y_trial[GBT_SIDES], dy[GBT_SIDES];
+    gbt_real s[GBT_SIDES], t[GBT_SIDES], e[GBT_SIDES], lambda[GBT_SIDES];
+    gbt_real de[GBT_SIDES], dlambda[GBT_SIDES];
+    gbt_real sigma[GBT_SIDES], shift[GBT_SIDES], target[GBT_SIDES];
+    /* what the present solve is about */
+    const gbt_real *parameters;
+    gbt_real tightening, f, f_trial;
+} gbt_workspace;
+
+/* Settings that suit the shipped problems. */
+void gbt_default_settings(gbt_settings *settings);
+
+/* Size of the workspace in bytes, for callers that do not see the struct. */
+size_t gbt_workspace_bytes(void);
+
+/* Solves one instance.
+
+   start        derivatives 0 .. L-1 of the flat output, GBT_DEGREE x GBT_FLAT
+   parameters   of the objective, GBT_PIECES x GBT_PARAMETERS
+   tightening   moves every bound inwards, in units of the limits
+   u            GBT_PIECES x GBT_FLAT: in, the guess; out, the solution; L-th derivatives over gbt_input_scale */
+gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,
+                     gbt_real tightening, gbt_real *u, gbt_workspace *work, gbt_result *result);
+
+#endif

@@ -1,0 +1,233 @@
+"""The closed loop (algorithm 2): sense, track, plan, move, and record what is needed to repeat or explain it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+
+from gbt_ocp.bearings import DesiredBearing
+from gbt_ocp.guidance.protocol import Guidance
+from gbt_ocp.ocp.plan import Plan
+from gbt_ocp.ocp.trajectory import FlatTrajectory
+from gbt_ocp.sensors import BearingSensor
+from gbt_ocp.targets import Target
+from gbt_ocp.tracking.gp import GaussianProcessTracker
+from gbt_ocp.vehicles import Vehicle
+
+Array = NDArray[np.float64]
+
+GRID = 101
+"""Points a piece at which the executed thrust is recorded and compared with its limits."""
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """Everything that takes part in a run.
+
+    Attributes
+    ----------
+    target, sensor, tracker, guidance, vehicle
+        The parts.
+    desired
+        λ*(t), recorded beside what was measured.
+    forecast
+        n, periods predicted ahead.
+    follow
+        ``exact``: the vehicle follows the planned flat output. ``dynamics``: its forward dynamics are integrated under
+        the planned thrust, clipped to the limits.
+    bound_delta
+        δ of the recorded error bound.
+    rng
+        Source of the sensor's draws.
+    """
+
+    target: Target
+    sensor: BearingSensor
+    tracker: GaussianProcessTracker
+    guidance: Guidance
+    vehicle: Vehicle
+    desired: DesiredBearing
+    forecast: int
+    follow: Literal["exact", "dynamics"]
+    bound_delta: float
+    rng: np.random.Generator
+
+
+@dataclass(frozen=True)
+class Move:
+    """What the vehicle did over one period."""
+
+    flat: Array
+    state: Array
+    thrust: Array
+    thrust_peak: Array
+
+
+class Mover:
+    """Moves the vehicle over one period, under a plan or under constant inputs."""
+
+    def __init__(self, vehicle: Vehicle, period: float, follow: Literal["exact", "dynamics"]) -> None:
+        self._vehicle = vehicle
+        self._period = period
+        self._exact = follow == "exact"
+        n = vehicle.flat_dimension
+        point = [ca.SX.sym(name, n) for name in ("z", "dz", "ddz")]
+        self._thrust = ca.Function("thrust", point, [vehicle.inputs(*point)]).map(GRID)
+
+    def planned_thrust(self, trajectory: FlatTrajectory) -> Array:
+        """τ on the fine grid of the first piece ``(GRID, m)``."""
+        first = FlatTrajectory(trajectory.period, trajectory.start, trajectory.top[:1])
+        return np.asarray(self._thrust(*(values[0].T for values in first.sample(GRID)))).T
+
+    def follow(self, plan: Plan) -> Move:
+        """Execute the first piece of a plan."""
+        limit = self._vehicle.thrust_max
+        thrust = self.planned_thrust(plan.trajectory)
+        peak = np.max(np.abs(thrust), axis=0) / limit
+        flat = plan.trajectory.knots[1]
+        if self._exact:
+            return Move(flat, self._vehicle.state(flat[0], flat[1]), thrust[0], peak)
+        start = self._vehicle.state(*plan.trajectory.start[:2])
+        thrust = np.clip(thrust, -limit, limit)
+        grid = np.linspace(0.0, self._period, GRID)
+
+        def applied(s: float) -> Array:
+            # interpolated between grid points, so within the limits as they are
+            i = min(int(s / self._period * (GRID - 1)), GRID - 2)
+            share = (s - grid[i]) / (grid[i + 1] - grid[i])
+            return np.asarray(thrust[i] + share * (thrust[i + 1] - thrust[i]))
+
+        state = self._integrate(start, applied)
+        z, dz = self._vehicle.flat(state)
+        return Move(np.vstack([z, dz, flat[2:]]), state, thrust[0], np.max(np.abs(thrust), axis=0) / limit)
+
+    def hold(self, state: Array, thrust: Array) -> Move:
+        """Integrate the forward dynamics under constant inputs."""
+        end = self._integrate(state, lambda s: thrust)
+        z, dz = self._vehicle.flat(end)
+        return Move(np.vstack([z, dz]), end, thrust, np.abs(thrust) / self._vehicle.thrust_max)
+
+    def _integrate(self, state: Array, thrust: Callable[[float], Array]) -> Array:
+        found = solve_ivp(
+            lambda s, x: self._vehicle.rates(x, thrust(s)), (0.0, self._period), state, rtol=1e-8, atol=1e-10
+        )
+        return np.asarray(found.y[:, -1])
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Arrays of a run, time first, by their names in the run folder, and what they leave out.
+
+    Attributes
+    ----------
+    arrays
+        One entry a quantity.
+    tightened
+        How often limits were tightened because a piece to be executed broke them between nodes.
+    nugget_retries
+        How often the tracker had to raise its nugget.
+    """
+
+    arrays: dict[str, Array]
+    tightened: int
+    nugget_retries: int
+
+
+Progress = Callable[[int, float, float], None]
+"""Called after each step with its number, the mean error in metres, and the solver's time in seconds."""
+
+
+def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Progress | None = None) -> Recording:
+    """Run the closed loop.
+
+    Parameters
+    ----------
+    loop
+        The parts.
+    start
+        Derivatives 0 … L-1 of the flat output at t = 0 ``(L, n)``.
+    duration
+        In seconds; there are ``round(duration/T) + 1`` steps, the first at t = 0 and the last at the end.
+    progress
+        Called after each step.
+    """
+    period, vehicle = loop.sensor.period, loop.vehicle
+    mover = Mover(vehicle, period, loop.follow)
+    flat = np.asarray(start, dtype=float)
+    state = vehicle.state(flat[0], flat[1])
+    rows: list[dict[str, Any]] = []
+    tightened = 0
+    for k in range(round(duration / period) + 1):
+        t = k * period
+        times = t + period * np.arange(loop.forecast + 1)
+        truth = loop.target.position(times)
+        own = vehicle.pose(state)[: loop.target.dimension]
+        bearing = loop.sensor.measure(k, truth[0], own, loop.rng)
+
+        began = perf_counter()
+        if bearing is not None:
+            loop.tracker.update(t, bearing, own)
+        forecast = loop.tracker.predict(times)
+        tracker_time = perf_counter() - began
+
+        decision = loop.guidance.decide(t, flat, forecast)
+        move = mover.follow(decision) if isinstance(decision, Plan) else mover.hold(state, decision)
+        theta = loop.tracker.hyperparameters
+        row: dict[str, Any] = {
+            "t": t,
+            "vehicle_pose": vehicle.pose(state),
+            "vehicle_velocity": vehicle.velocity(state),
+            "thrust": move.thrust,
+            "piece_thrust_peak": move.thrust_peak,
+            "target": truth[0],
+            "bearing": np.full(loop.target.dimension, np.nan) if bearing is None else bearing,
+            "desired_bearing": loop.desired(t),
+            "detected": bearing is not None,
+            "forecast_mean": forecast.mean,
+            "forecast_cov": forecast.covariance,
+            "error": np.linalg.norm(forecast.mean - truth, axis=1),
+            "length_scale": theta.length_scale,
+            "amplitude": theta.amplitude,
+            "nugget": theta.nugget,
+            "condition_number": loop.tracker.condition_number,
+            "bound": loop.tracker.bound(times, loop.bound_delta),
+            "tracker_time": tracker_time,
+        }
+        if isinstance(decision, Plan):
+            tightened += decision.tightened
+        rows.append(row | _solver_columns(decision, vehicle.flat_dimension))
+        if progress is not None:
+            progress(k, float(np.mean(row["error"])), rows[-1]["solver_time"])
+        flat, state = move.flat, move.state
+    arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    return Recording(arrays, tightened, loop.tracker.nugget_retries)
+
+
+def _solver_columns(decision: Plan | Array, size: int) -> dict[str, Any]:
+    """What is recorded of a plan; neutral entries where no problem was solved."""
+    if isinstance(decision, Plan):
+        return {
+            "objective": decision.objective,
+            "violation": decision.violation,
+            "solver_status": decision.status,
+            "solver_iterations": decision.iterations,
+            "solver_time": decision.solve_time,
+            "fallback": decision.fallback,
+            "plan": decision.endpoints,
+        }
+    return {
+        "objective": np.nan,
+        "violation": np.nan,
+        "solver_status": "",
+        "solver_iterations": 0,
+        "solver_time": np.nan,
+        "fallback": "",
+        "plan": np.zeros((0, size)),
+    }

@@ -1,0 +1,207 @@
+/* Checks of the kernel's inner functions, compiled together with it and called from test_kernel.py. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "gbt_pieces.h"
+#include "gbt_riccati.h"
+#include "gbt_slacks.h"
+
+enum { N = GBT_PIECES * GBT_FLAT };
+
+static gbt_workspace work;
+
+static double uniform(void) { return 2.0 * rand() / RAND_MAX - 1.0; }
+
+/* Lagrangian f + lambda y at L-th derivatives x. */
+static double lagrangian(const double *start, const double *x, const double *lambda)
+{
+    static double y[GBT_SIDES];
+    for (int a = 0; a < GBT_STATE; a++) work.piece[0][a / GBT_FLAT][a % GBT_FLAT] = start[a];
+    for (int a = 0; a < N; a++) work.piece[a / GBT_FLAT][GBT_DEGREE][a % GBT_FLAT] = x[a];
+    gbt_propagate(work.piece);
+    double sum = gbt_evaluate(&work, work.piece, y);
+    for (int k = 0; k < GBT_COUNT; k++) sum += lambda[k] * y[k];
+    return sum;
+}
+
+static void gradient(const double *start, const double *x, const double *lambda, double *out)
+{
+    static double pull[GBT_PIECES][GBT_ORDERS][GBT_FLAT];
+    lagrangian(start, x, lambda);
+    gbt_differentiate(&work);
+    for (int a = 0; a < GBT_PIECES * GBT_PIECE; a++) (&pull[0][0][0])[a] = (&work.gradient[0][0][0])[a];
+    gbt_pull_back(&work, lambda, pull);
+    gbt_adjoint(pull, (gbt_real(*)[GBT_FLAT])out);
+}
+
+/* work.step as the change of the trajectory for a change dx of the L-th derivatives. */
+static void spread(const double *dx)
+{
+    for (int a = 0; a < GBT_STATE; a++) work.step[0][a / GBT_FLAT][a % GBT_FLAT] = 0;
+    for (int a = 0; a < N; a++) work.step[a / GBT_FLAT][GBT_DEGREE][a % GBT_FLAT] = dx[a];
+    gbt_propagate(work.step);
+}
+
+/* The Hessian with respect to all L-th derivatives, dense, from the ones of the pieces. */
+static void dense(double delta, double h[N][N])
+{
+    static double change[N][GBT_PIECES][GBT_PIECE];
+    for (int a = 0; a < N; a++) {
+        double dx[N] = {0};
+        dx[a] = 1;
+        spread(dx);
+        for (int k = 0; k < GBT_PIECES * GBT_PIECE; k++) (&change[a][0][0])[k] = (&work.step[0][0][0])[k];
+    }
+    for (int a = 0; a < N; a++)
+        for (int b = 0; b < N; b++) {
+            const double scale = gbt_input_scale[a % GBT_FLAT];
+            h[a][b] = a == b ? delta / (scale * scale) : 0;
+            for (int i = 0; i < GBT_PIECES; i++)
+                for (int k = 0; k < GBT_PIECE; k++)
+                    for (int l = 0; l < GBT_PIECE; l++)
+                        h[a][b] += change[a][i][k] * work.curvature[i][k][l] * change[b][i][l];
+        }
+}
+
+static void eliminate(double h[N][N], double *b)
+{
+    for (int k = 0; k < N; k++) {
+        int pivot = k;
+        for (int r = k + 1; r < N; r++)
+            if (fabs(h[r][k]) > fabs(h[pivot][k])) pivot = r;
+        for (int c = 0; c < N; c++) {
+            const double keep = h[k][c];
+            h[k][c] = h[pivot][c];
+            h[pivot][c] = keep;
+        }
+        const double keep = b[k];
+        b[k] = b[pivot];
+        b[pivot] = keep;
+        for (int r = k + 1; r < N; r++) {
+            const double share = h[r][k] / h[k][k];
+            for (int c = k; c < N; c++) h[r][c] -= share * h[k][c];
+            b[r] -= share * b[k];
+        }
+    }
+    for (int k = N - 1; k >= 0; k--) {
+        for (int c = k + 1; c < N; c++) b[k] -= h[k][c] * b[c];
+        b[k] /= h[k][k];
+    }
+}
+
+static double start[GBT_STATE], x[N], lambda[GBT_SIDES];
+
+static void draw(int seed, const double *parameters)
+{
+    srand((unsigned)seed);
+    work.parameters = parameters;
+    work.tightening = 0;
+    for (int a = 0; a < GBT_STATE; a++) start[a] = uniform();
+    for (int a = 0; a < N; a++) x[a] = uniform() * gbt_input_scale[a % GBT_FLAT];
+    for (int k = 0; k < GBT_COUNT; k++) lambda[k] = 1 + uniform();
+}
+
+/* Largest relative difference of gradient and central difference of the Lagrangian. */
+double check_gradient(int seed, const double *parameters)
+{
+    double g[N], worst = 0;
+    draw(seed, parameters);
+    gradient(start, x, lambda, g);
+    for (int a = 0; a < N; a++) {
+        const double step = 1e-5 * gbt_input_scale[a % GBT_FLAT], at = x[a];
+        x[a] = at + step;
+        const double above = lagrangian(start, x, lambda);
+        x[a] = at - step;
+        const double difference = (above - lagrangian(start, x, lambda)) / (2 * step);
+        x[a] = at;
+        worst = fmax(worst, fabs(g[a] - difference) / (1 + fabs(g[a])));
+    }
+    return worst;
+}
+
+/* The same of Hessian and central difference of the gradient, with the squares of the Jacobian from its products. */
+double check_hessian(int seed, const double *parameters)
+{
+    static double h[N][N], dys[N][GBT_SIDES], above[N], below[N];
+    double worst = 0, largest = 0;
+    draw(seed, parameters);
+    gradient(start, x, lambda, above);
+    for (int k = 0; k < GBT_COUNT; k++) {
+        work.lambda[k] = lambda[k];
+        work.sigma[k] = 1 + uniform();
+    }
+    gbt_assemble(&work);
+    dense(0, h);
+    for (int a = 0; a < N; a++) {
+        double dx[N] = {0};
+        dx[a] = 1;
+        spread(dx);
+        gbt_push_forward(&work);
+        for (int k = 0; k < GBT_COUNT; k++) dys[a][k] = work.dy[k];
+    }
+    for (int a = 0; a < N; a++) {
+        const double step = 1e-5 * gbt_input_scale[a % GBT_FLAT], at = x[a];
+        x[a] = at + step;
+        gradient(start, x, lambda, above);
+        x[a] = at - step;
+        gradient(start, x, lambda, below);
+        x[a] = at;
+        for (int b = 0; b < N; b++) {
+            double expected = (above[b] - below[b]) / (2 * step);
+            for (int k = 0; k < GBT_COUNT; k++) expected += work.sigma[k] * dys[a][k] * dys[b][k];
+            worst = fmax(worst, fabs(h[b][a] - expected));
+            largest = fmax(largest, fabs(expected));
+        }
+    }
+    return worst / largest;
+}
+
+/* Largest relative difference of the Riccati step and the dense one. */
+double check_step(int seed, const double *parameters)
+{
+    static double h[N][N], g[N], pull[GBT_PIECES][GBT_ORDERS][GBT_FLAT];
+    double delta = 1e-3, worst = 0, largest = 0;
+    draw(seed, parameters);
+    gradient(start, x, lambda, g);
+    for (int k = 0; k < GBT_COUNT; k++) {
+        work.lambda[k] = lambda[k];
+        work.sigma[k] = exp(6 * uniform());
+    }
+    gbt_assemble(&work);
+    while (!gbt_factorise(&work, delta)) delta *= 2;
+    dense(delta, h);
+    for (int a = 0; a < GBT_PIECES * GBT_PIECE; a++) (&pull[0][0][0])[a] = (&work.gradient[0][0][0])[a];
+    gbt_pull_back(&work, lambda, pull);
+    gbt_newton_step(&work, pull);
+    eliminate(h, g);
+    for (int a = 0; a < N; a++) {
+        worst = fmax(worst, fabs(work.step[a / GBT_FLAT][GBT_DEGREE][a % GBT_FLAT] + g[a]));
+        largest = fmax(largest, fabs(g[a]));
+    }
+    return worst / largest;
+}
+
+/* 1 if the Riccati recursion calls the Hessian positive definite exactly where its smallest eigenvalue is positive:
+   delta just below and just above what lifts it is to be found by bisection of the dense Cholesky factorisation. */
+int check_inertia(int seed, const double *parameters)
+{
+    static double h[N][N];
+    draw(seed, parameters);
+    gradient(start, x, lambda, h[0]);
+    for (int k = 0; k < GBT_COUNT; k++) {
+        work.lambda[k] = 10 * lambda[k];
+        work.sigma[k] = 0;
+    }
+    gbt_assemble(&work);
+    for (double delta = 1e-3; delta < 1e9; delta *= 1.5) {
+        int definite = 1;
+        dense(delta, h);
+        for (int k = 0; k < N && definite; k++) {
+            definite = h[k][k] > 0;
+            for (int r = k + 1; r < N; r++)
+                for (int c = k + 1; c < N; c++) h[r][c] -= h[r][k] * h[k][c] / h[k][k];
+        }
+        if (definite != gbt_factorise(&work, delta)) return 0;
+    }
+    return 1;
+}

@@ -1,0 +1,379 @@
+"""The compiled solver against closed forms, SciPy, IPOPT and the optimality conditions in CasADi."""
+
+import pickle
+import subprocess
+import sys
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear, minimize
+
+from gbt_ocp.bearings import DesiredBearing
+from gbt_ocp.ocp import BearingSimilarity, FlatTrajectory, KeepOut, RangePull, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.codegen import building
+from gbt_ocp.ocp.codegen.building import CompilerError, build_library, find_compiler
+from gbt_ocp.ocp.codegen.expressions import NotGenerableError
+from gbt_ocp.ocp.compiled import CompiledSolver
+from gbt_ocp.ocp.ipopt import IpoptSolver
+from gbt_ocp.ocp.solvers import make_solver
+from gbt_ocp.ocp.transcription import Binding, LimitCheck, input_scale, transcribe
+from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass, Unicycle
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+
+
+@dataclass(frozen=True)
+class Term:
+    """An objective of the endpoint's position from any CasADi function, with a goal ``(2,)`` as parameter."""
+
+    function: object
+
+    @property
+    def shapes(self):
+        return {"goal": (2, 1)}
+
+    def value(self, point, parameters):
+        return self.function(point, parameters["goal"])
+
+    def bind(self, pieces, data):
+        return {"goal": np.tile(np.reshape(data["goal"], (2, 1)), (pieces, 1, 1))}
+
+
+@dataclass(frozen=True)
+class Bounded:
+    """``lower <= function(point) <= upper``."""
+
+    function: object
+    lower: np.ndarray
+    upper: np.ndarray
+    scale: np.ndarray
+
+    @property
+    def backoff(self):
+        return np.zeros(len(self.lower))
+
+    def value(self, point):
+        return self.function(point)
+
+
+NEAREST = Term(lambda point, goal: -ca.sumsqr(point.z - goal))
+POINT_MASS = PlanarPointMass(mass=2.0, thrust_max=(1.0, 4.0))
+
+
+def solve(problem, start, goal, *, options=None, guess=None, tightening=0.0):
+    solver = CompiledSolver(problem, options or {})
+    parameters = Binding(problem).objective_parameters({"goal": goal})
+    guess = np.zeros((problem.pieces, problem.vehicle.flat_dimension)) if guess is None else guess
+    return solver.solve(np.asarray(start, dtype=float), parameters, guess, cold=True, tightening=tightening)
+
+
+def test_convex_quadratic_with_active_limits_has_its_closed_form():
+    # one piece: z(1) = z0 + ż0 + a/2, |2 a| <= τ_max on each axis, so each axis clips by itself
+    problem = TrajectoryProblem(POINT_MASS, 1, 1.0).maximize(NEAREST).subject_to(ThrustLimit(POINT_MASS), nodes=1)
+    found = solve(problem, [[0.0, 0.0], [0.1, 0.0]], [3.0, -0.4])
+    wanted = 2.0 * (np.array([3.0, -0.4]) - [0.1, 0.0])
+    assert found.status == "solved"
+    np.testing.assert_allclose(
+        found.variables[0] * input_scale(problem), np.clip(wanted, [-0.5, -2.0], [0.5, 2.0]), atol=2e-4
+    )
+    assert found.violation <= 1e-6
+
+
+def test_rosenbrock_with_a_limit_agrees_with_scipy():
+    def rosenbrock(x, y):
+        return (1.0 - x) ** 2 + 100.0 * (y - x**2) ** 2
+
+    disc = Bounded(lambda point: ca.sumsqr(point.z), np.array([-np.inf]), np.array([1.0]), np.ones(1))
+    vehicle = PlanarPointMass(thrust_max=(5.0, 5.0))
+    problem = TrajectoryProblem(vehicle, 1, 1.0).maximize(Term(lambda point, _: -rosenbrock(point.z[0], point.z[1])))
+    problem = problem.subject_to(disc, nodes=1)
+    found = solve(problem, [[-0.5, 0.5], [0.0, 0.0]], [0.0, 0.0], options={"gap": 1e-6, "tolerance": 1e-7})
+    end = FlatTrajectory(1.0, np.array([[-0.5, 0.5], [0.0, 0.0]]), found.variables * 5.0).endpoints[0]
+    circle = {"type": "ineq", "fun": lambda x: 1.0 - x @ x}
+    expected = minimize(lambda x: rosenbrock(*x), [-0.5, 0.5], constraints=circle, tol=1e-12)
+    assert found.solved
+    np.testing.assert_allclose(end, expected.x, atol=1e-5)
+
+
+def test_infeasible_limits_give_the_least_violation_and_say_so():
+    # both axes: ẍ >= 1 against ẍ <= -1 with half the unit, so a violation of the latter counts twice
+    against = Bounded(
+        lambda point: ca.vertcat(point.ddz[0], point.ddz[0]),
+        np.array([1.0, -np.inf]), np.array([np.inf, -1.0]), np.array([1.0, 0.5]),
+    )  # fmt: skip
+    problem = TrajectoryProblem(POINT_MASS, 1, 1.0).maximize(NEAREST).subject_to(against, nodes=1)
+    found = solve(problem, np.zeros((2, 2)), [0.0, 0.0])
+    assert found.status == "limit violated"
+    assert not found.solved
+    assert found.violation == pytest.approx(2.0, abs=1e-3)
+    assert found.variables[0, 0] * 0.5 == pytest.approx(-1.0, abs=1e-3)
+
+
+def test_a_hard_limit_is_kept_however_steep_the_objective():
+    steep = Term(lambda point, goal: -1e4 * ca.sumsqr(point.z - goal))
+    problem = TrajectoryProblem(POINT_MASS, 2, 1.0).maximize(steep).subject_to(ThrustLimit(POINT_MASS), nodes=1)
+    found = solve(problem, np.zeros((2, 2)), [9.0, 9.0])
+    assert found.status == "solved"
+    np.testing.assert_allclose(found.variables, 1.0, atol=1e-5)
+
+
+def test_tightening_moves_both_bounds_by_its_share_of_the_limit():
+    problem = TrajectoryProblem(POINT_MASS, 1, 1.0).maximize(NEAREST).subject_to(ThrustLimit(POINT_MASS), nodes=1)
+    found = solve(problem, np.zeros((2, 2)), [9.0, -9.0], tightening=0.25)
+    np.testing.assert_allclose(found.variables, [[0.75, -0.75]], atol=1e-4)
+
+
+def test_without_limits_it_is_newton_s_method():
+    problem = TrajectoryProblem(POINT_MASS, 2, 0.5).maximize(NEAREST)
+    found = solve(problem, np.zeros((2, 2)), [1.0, 2.0])
+    trajectory = FlatTrajectory(0.5, np.zeros((2, 2)), found.variables * input_scale(problem))
+    np.testing.assert_allclose(trajectory.endpoints, [[1.0, 2.0]] * 2, atol=1e-4)
+    assert found.iterations <= 2
+
+
+def test_exit_codes_for_bad_inputs_and_early_stops():
+    problem = TrajectoryProblem(POINT_MASS, 3, 1.0).maximize(NEAREST).subject_to(ThrustLimit(POINT_MASS), nodes=2)
+    start, goal = np.zeros((2, 2)), [2.0, 2.0]
+    early = solve(problem, start, goal, options={"deadline": 2})
+    assert (early.status, early.solved) == ("iteration limit", False)
+    assert early.iterations == 2
+    assert np.all(np.isfinite(early.variables))
+    solver = CompiledSolver(problem, {})
+    parameters = Binding(problem).objective_parameters({"goal": goal})
+    guess = np.zeros((3, 2))
+    for bad in (np.nan, np.inf, -np.inf):
+        for which in range(3):
+            arguments = [start.copy(), [parameters[0].copy()], guess.copy()]
+            (arguments[0] if which == 0 else arguments[1][0] if which == 1 else arguments[2])[0, 1] = bad
+            found = solver.solve(*arguments, cold=True)
+            assert (found.status, found.solved) == ("input not finite", False)
+    assert solver.solve(start, parameters, guess, cold=True).solved, "a bad input must leave nothing behind"
+
+
+def test_an_objective_without_value_is_a_numerical_failure():
+    problem = TrajectoryProblem(POINT_MASS, 1, 1.0).maximize(Term(lambda point, _: ca.sqrt(point.z[0] - 10.0)))
+    assert solve(problem, np.zeros((2, 2)), [0.0, 0.0]).status == "numerical failure"
+
+
+def fossen(dimension, form, pieces=5, nodes=4, degree=2):
+    vehicle = FossenVehicle(FALCON_2D if dimension == 2 else FALCON_3D, [5000.0] * dimension + [1500.0])
+    problem = TrajectoryProblem(vehicle, pieces, 0.1, degree=degree)
+    problem = problem.maximize(BearingSimilarity(dimension)).maximize(RangePull(dimension))
+    limit = ThrustLimit(vehicle, 0.98)
+    return problem.subject_to(limit, nodes=nodes) if form == "hard" else problem.subject_to_penalty(limit, nodes=nodes)
+
+
+def instance(problem, seed):
+    """A random start and the parameters of the objectives."""
+    rng = np.random.default_rng(seed)
+    d, p = problem.vehicle.position_dimension, problem.pieces
+    start = np.zeros((problem.degree, d + 1))
+    start[0, :d] = rng.uniform(-5.0, 5.0, d)
+    start[1] = rng.normal(size=d + 1) * ([1.0] * d + [0.5])
+    mean = rng.normal(size=d) + np.arange(1, p + 1)[:, None] * 0.1 * rng.normal(size=d)
+    root = 0.2 * rng.normal(size=(d, d))
+    forecast = SimpleNamespace(mean=mean, covariance=np.tile(root @ root.T, (p, 1, 1)))
+    desired = DesiredBearing(d, 6.0 + 9.0 * (d == 3))(seed + 0.1 * np.arange(1, p + 1))
+    return start, Binding(problem).objective_parameters({"forecast": forecast, "desired": desired})
+
+
+def kkt_residual(problem, start, parameters, variables, slack=1e-4):
+    """Least gradient of the Lagrangian that multipliers can reach which are subgradients of the (smoothed) hinges.
+
+    Each constraint may move by ``slack``, the width that the barrier smooths a kink to.
+    """
+    program = transcribe(problem)
+    settings = [(soft.width, 0.0) for soft in problem.penalties]
+    vector = Binding(problem).vector(start, parameters, settings, 0.0)
+    gradient = ca.Function(
+        "g", [program.variables, program.parameters], [ca.gradient(-program.objective, program.variables)]
+    )
+    as_hard = TrajectoryProblem(problem.vehicle, problem.pieces, problem.period, degree=problem.degree)
+    as_hard = as_hard.maximize(*problem.objectives[:1])
+    sides, slopes, bounds = [], [], []
+    for limit in (*problem.hard, *problem.penalties):
+        other = transcribe(as_hard.subject_to(limit.constraint, nodes=limit.nodes))
+        function = ca.Function(
+            "c", [other.variables, other.parameters], [other.limits, ca.jacobian(other.limits, other.variables)]
+        )
+        values, jacobian = function(variables.ravel(), Binding(as_hard).vector(start, parameters[:1], [], 0.0))
+        values, jacobian = np.asarray(values).ravel() / other.scale, np.asarray(jacobian) / other.scale[:, None]
+        if hasattr(limit, "width"):
+            trapezoid = np.ones(limit.nodes + 1)
+            trapezoid[[0, -1]] = 0.5
+            rows = len(limit.constraint.upper)
+            weight = limit.weight * problem.period / limit.nodes * np.tile(np.repeat(trapezoid, rows), problem.pieces)
+            width = limit.width
+        else:
+            weight, width = np.full(len(values), 1e8), 0.0
+        for excess, sign in ((values - other.upper / other.scale, 1.0), (other.lower / other.scale - values, -1.0)):
+            low, high = (
+                weight
+                * np.clip(((excess + move + width) / (2.0 * width) if width else (excess + move > 0.0)), 0.0, 1.0)
+                for move in (-slack, slack)
+            )
+            slopes.append(sign * jacobian)
+            bounds.append((low, high))
+        sides.append(values)
+    free = np.asarray(gradient(variables.ravel(), vector)).ravel()
+    matrix = np.vstack(slopes).T
+    low, high = (np.concatenate(parts) for parts in zip(*bounds, strict=True))
+    # lsq_linear wants an interior; multipliers that are pinned get a hair
+    found = lsq_linear(matrix, -free, (low, high + 1e-9), tol=1e-12)
+    return np.abs(matrix @ found.x + free).max()
+
+
+@pytest.mark.parametrize(("dimension", "form"), [(2, "hard"), (2, "penalty"), (3, "hard"), (3, "penalty")])
+def test_cold_random_instances_end_at_points_that_satisfy_the_optimality_conditions(dimension, form):
+    problem = fossen(dimension, form)
+    solver = CompiledSolver(problem, {})
+    for seed in range(25):
+        start, parameters = instance(problem, seed)
+        found = solver.solve(start, parameters, np.zeros((5, dimension + 1)), cold=True)
+        assert found.status == "solved", seed
+        assert kkt_residual(problem, start, parameters, found.variables) < 1e-3, seed
+
+
+@pytest.mark.parametrize(("dimension", "form", "degree"), [(2, "hard", 2), (3, "penalty", 2), (2, "hard", 3)])
+def test_from_ipopt_s_solution_it_finds_the_same_one(dimension, form, degree):
+    problem = fossen(dimension, form, degree=degree)
+    ipopt, compiled = IpoptSolver(problem, {}), CompiledSolver(problem, {"gap": 1e-5})
+    agreed = 0
+    for seed in range(6):
+        start, parameters = instance(problem, seed)
+        guess = np.zeros((5, dimension + 1))
+        expected = ipopt.solve(start, parameters, guess, cold=True)
+        if not expected.solved:
+            continue
+        # from there, with a barrier that does not throw it out of the basin
+        found = compiled.solve(start, parameters, expected.variables, cold=False)
+        assert found.status == "solved"
+        difference = np.abs(found.variables - expected.variables).max()
+        agreed += difference < 1e-2
+    assert agreed >= 5
+
+
+def test_the_objective_it_reports_is_that_of_casadi():
+    problem = fossen(2, "hard")
+    start, parameters = instance(problem, 3)
+    found = CompiledSolver(problem, {}).solve(start, parameters, np.zeros((5, 3)), cold=True)
+    program = transcribe(problem)
+    value = ca.Function("f", [program.variables, program.parameters], [program.objective])
+    vector = Binding(problem).vector(start, parameters, [], 0.0)
+    assert found.objective == pytest.approx(float(value(found.variables.ravel(), vector)), abs=1e-12)
+
+
+def test_its_check_of_the_limits_is_that_of_casadi():
+    problem = fossen(3, "penalty").subject_to(KeepOut((0.0, 0.0, 0.0), 1.0), nodes=3)
+    solver, check = CompiledSolver(problem, {}), LimitCheck(problem)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        trajectory = FlatTrajectory(0.1, rng.normal(size=(2, 4)), 10.0 * rng.normal(size=(5, 4)))
+        np.testing.assert_allclose(solver.check(trajectory), check(trajectory), rtol=1e-12)
+    broken = FlatTrajectory(0.1, np.zeros((2, 4)), np.full((5, 4), np.nan))
+    assert np.all(solver.check(broken) == np.inf)
+
+
+@pytest.mark.parametrize(
+    "vehicle", [Unicycle((1.0, 1.0)), PlanarPointMass(thrust_max=(2.0, 2.0))], ids=lambda v: type(v).__name__
+)
+def test_user_problems_run_through_the_same_path(vehicle):
+    problem = TrajectoryProblem(vehicle, 8, 0.5).maximize(NEAREST)
+    problem = problem.subject_to(ThrustLimit(vehicle), nodes=4).subject_to(KeepOut((2.0, 0.05), 0.8), nodes=8)
+    planner = problem.compile("compiled")
+    state = np.array([[0.0, 0.0], [0.5, 0.0]])
+    closest = np.inf
+    for _ in range(40):
+        plan = planner.solve(state, goal=[4.0, 0.0])
+        assert plan.piece_violation[0] <= 0.0
+        closest = min(closest, np.linalg.norm(plan(np.linspace(0.0, 0.5, 20)) - [2.0, 0.05], axis=1).min())
+        state = plan.trajectory.knots[1]
+    assert np.linalg.norm(state[0] - [4.0, 0.0]) < 0.2
+    assert 0.8 <= closest < 1.5
+
+
+def test_hard_limits_and_penalties_mix():
+    problem = TrajectoryProblem(POINT_MASS, 4, 1.0).maximize(NEAREST).subject_to(ThrustLimit(POINT_MASS), nodes=2)
+    problem = problem.subject_to_penalty(KeepOut((1.0, 0.0), 0.5), weight=50.0, width=0.05, nodes=8)
+    start, goal = np.array([[0.0, 0.02], [0.0, 0.0]]), [2.0, 0.0]
+    found = solve(problem, start, goal)
+    assert found.solved
+    ipopt = IpoptSolver(problem, {})
+    parameters = Binding(problem).objective_parameters({"goal": goal})
+    expected = ipopt.solve(start, parameters, found.variables, cold=False)
+    np.testing.assert_allclose(found.variables, expected.variables, atol=5e-3)
+
+
+def test_auto_is_the_compiled_solver_and_falls_back_where_there_is_no_compiler(monkeypatch, tmp_path):
+    problem = TrajectoryProblem(POINT_MASS, 1, 1.0).maximize(NEAREST)
+    assert problem.compile().solver.name == "compiled"
+    monkeypatch.setenv("CC", str(tmp_path / "no-such-compiler"))
+    with pytest.warns(RuntimeWarning, match="auto takes ipopt.*no C compiler"):
+        assert problem.compile("auto").solver.name == "ipopt"
+    with pytest.raises(CompilerError, match="no C compiler"):
+        problem.compile("compiled")
+
+
+def test_a_compiler_that_fails_is_quoted(monkeypatch, tmp_path):
+    compiler = tmp_path / "cc"
+    compiler.write_text("#!/bin/sh\necho 'out of paper' >&2\nexit 1\n")
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CC", str(compiler))
+    monkeypatch.setenv("GBT_OCP_CACHE", str(tmp_path / "cache"))
+    with pytest.raises(CompilerError, match="out of paper"):
+        CompiledSolver(TrajectoryProblem(POINT_MASS, 1, 1.0).maximize(NEAREST), {})
+    assert list((tmp_path / "cache").iterdir()) == []
+
+
+def test_an_expression_without_c_form_is_refused():
+    hidden = ca.Function("hidden", [ca.SX.sym("x")], [ca.SX.sym("y")], {"allow_free": True})
+    del hidden
+    with pytest.raises(NotGenerableError, match="cannot be generated"):
+        from gbt_ocp.ocp.codegen.expressions import c_source
+
+        x = ca.SX.sym("x", 2, 2)
+        inner = ca.Function("inner", [x], [ca.inv(x)], {"never_inline": True})
+        c_source([ca.Function("outer", [x], [ca.vec(inner(x))])])
+
+
+def test_unknown_names_and_options_are_refused():
+    problem = TrajectoryProblem(POINT_MASS, 1, 1.0).maximize(NEAREST)
+    with pytest.raises(ValueError, match="allowed: auto, compiled, ipopt"):
+        make_solver(problem, "fast", {})
+    for options, message in (
+        ({"tol": 1.0}, "allowed keys: tolerance"), ({"gap": -1.0}, "a positive number"),
+        ({"deadline": 1.5}, "a positive whole number"), ({"iterations": True}, "a positive whole number"),
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=message):
+            CompiledSolver(problem, options)
+
+
+def test_a_library_is_compiled_once(monkeypatch, tmp_path):
+    monkeypatch.setenv("GBT_OCP_CACHE", str(tmp_path))
+    first = build_library({"a.c": "int one(void) { return 1; }\n"})
+    monkeypatch.setattr(building, "_compile", lambda *_: pytest.fail("compiled twice"))
+    assert build_library({"a.c": "int one(void) { return 1; }\n"}) == first
+    assert [entry.name for entry in tmp_path.iterdir()] == [first.name]
+
+
+def test_two_processes_may_build_the_same_library_at_once(tmp_path):
+    code = (
+        "import ctypes; from gbt_ocp.ocp.codegen.building import build_library;"
+        "print(ctypes.CDLL(str(build_library({'a.c': 'int seven(void) { return 7; }'}))).seven())"
+    )
+    environment = {"GBT_OCP_CACHE": str(tmp_path), "PATH": "/usr/bin:/bin", "PYTHONPATH": ":".join(sys.path)}
+    runs = [
+        subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    assert [run.communicate(timeout=120)[0].strip() for run in runs] == ["7", "7"]
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_it_pickles():
+    problem = TrajectoryProblem(POINT_MASS, 1, 1.0).maximize(BearingSimilarity(2))
+    solver = pickle.loads(pickle.dumps(CompiledSolver(problem, {"gap": 1e-3})))
+    assert solver.name == "compiled"

@@ -1,0 +1,59 @@
+"""The C kernel's inner functions, against finite differences and dense linear algebra."""
+
+import ctypes
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gbt_ocp.ocp import BearingSimilarity, KeepOut, RangePull, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.codegen.building import build_library, find_compiler, kernel_files
+from gbt_ocp.ocp.codegen.generation import generate_problem
+from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+
+
+def fossen_problem(dimension: int, degree: int, pieces: int) -> TrajectoryProblem:
+    parameters = FALCON_2D if dimension == 2 else FALCON_3D
+    vehicle = FossenVehicle(parameters, [5000.0] * dimension + [1500.0])
+    problem = TrajectoryProblem(vehicle, pieces, 0.1, degree=degree)
+    problem = problem.maximize(BearingSimilarity(dimension)).maximize(RangePull(dimension))
+    problem = problem.subject_to(ThrustLimit(vehicle, 0.98), nodes=2)
+    return problem.subject_to_penalty(KeepOut((0.0,) * dimension, 2.0), nodes=3)
+
+
+@pytest.fixture(scope="module", params=[(2, 2, 5), (3, 2, 2), (2, 3, 4), (2, 2, 1)], ids=str)
+def checks(request):
+    problem = fossen_problem(*request.param)
+    own = {"kernel_checks.c": (Path(__file__).parent / "kernel_checks.c").read_text()}
+    library = ctypes.CDLL(str(build_library(kernel_files() | generate_problem(problem).files | own)))
+    for name in ("check_gradient", "check_hessian", "check_step"):
+        getattr(library, name).restype = ctypes.c_double
+    size = sum(rows * columns for term in problem.objectives for rows, columns in term.shapes.values())
+    parameters = np.random.default_rng(1).normal(size=(problem.pieces, size))
+
+    def check(name: str, seed: int) -> float:
+        return getattr(library, name)(seed, ctypes.c_void_p(parameters.ctypes.data))
+
+    return check
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_gradient_of_the_lagrangian_is_its_central_difference(checks, seed):
+    assert checks("check_gradient", seed) < 1e-6
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_hessian_is_the_central_difference_of_the_gradient(checks, seed):
+    assert checks("check_hessian", seed) < 1e-6
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_riccati_step_is_the_dense_newton_step(checks, seed):
+    assert checks("check_step", seed) < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_riccati_recursion_sees_the_inertia_of_the_dense_hessian(checks, seed):
+    assert checks("check_inertia", seed) == 1
