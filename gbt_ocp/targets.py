@@ -158,6 +158,8 @@ class TrackTarget:
             raise ValueError(f"a track needs at least 4 samples of time and position, found {t.shape} and {p.shape}")
         if not (np.all(np.isfinite(t)) and np.all(np.isfinite(p)) and np.all(np.diff(t) > 0.0)):
             raise ValueError("a track needs finite numbers and strictly increasing times")
+        if not 0.0 <= start_time < t[-1] - t[0]:
+            raise ValueError(f"start_time must lie within the {t[-1] - t[0]:.6g} s of the track, found {start_time:.6g}")
         self._spline = CubicSpline((t - t[0] - start_time) * time_scale, p * length_scale, extrapolate=False)
         self._shift = np.zeros(p.shape[1])
         if start is not None:
@@ -190,8 +192,11 @@ class TrackTarget:
             header = [name.strip() for name in file.readline().split(",")]
             if not set(columns) <= set(header):
                 raise ValueError(f"{path}: columns {', '.join(header)}; needed are {', '.join(columns)}")
+            rows = [line for line in file if line.strip()]
+            if not rows:
+                raise ValueError(f"{path}: no rows below the header")
             try:
-                table = np.loadtxt(file, delimiter=",", usecols=[header.index(name) for name in columns], ndmin=2)
+                table = np.loadtxt(rows, delimiter=",", usecols=[header.index(name) for name in columns], ndmin=2)
             except ValueError as fault:
                 raise ValueError(f"{path}: {fault}") from fault
         try:
@@ -216,5 +221,7 @@ class TrackTarget:
         """
         position = self._spline(np.asarray(times, dtype=float))
         if not np.all(np.isfinite(position)):
-            raise ValueError(f"the track lasts {self.duration:.6g} s, asked for {np.max(times):.6g} s")
+            raise ValueError(
+                f"the track lasts from 0 to {self.duration:.6g} s, asked for {np.min(times):.6g} to {np.max(times):.6g} s"
+            )
         return np.asarray(position + self._shift)

@@ -15,7 +15,7 @@ from gbt_ocp.bearings import DesiredBearing
 from gbt_ocp.ocp import BearingSimilarity, FlatTrajectory, KeepOut, RangePull, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.codegen import building
 from gbt_ocp.ocp.codegen.building import CompilerError, build_library, find_compiler
-from gbt_ocp.ocp.codegen.expressions import NotGenerableError
+from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_source
 from gbt_ocp.ocp.compiled import CompiledSolver
 from gbt_ocp.ocp.ipopt import IpoptSolver
 from gbt_ocp.ocp.solvers import make_solver
@@ -180,49 +180,48 @@ def instance(problem, seed):
     return start, Binding(problem).objective_parameters({"forecast": forecast, "desired": desired})
 
 
-def kkt_residual(problem, start, parameters, variables, slack=1e-4):
-    """Least gradient of the Lagrangian that multipliers can reach which are subgradients of the (smoothed) hinges.
+def most(excess, soft, slack, weight):
+    """Largest multiplier λ in [0, weight] with ``λ (soft λ - excess) <= slack``: complementary but for the slack."""
+    if soft > 0.0:
+        largest = (excess + np.sqrt(excess**2 + 4.0 * soft * slack)) / (2.0 * soft)
+    else:
+        largest = np.where(excess < 0.0, slack / np.maximum(-excess, 1e-300), np.inf)
+    return np.minimum(largest, weight)
 
-    Each constraint may move by ``slack``, the width that the barrier smooths a kink to.
+
+def kkt_residual(problem, start, parameters, variables, slack=3e-4):
+    """Least gradient of the Lagrangian over all multipliers that are complementary but for ``slack``.
+
+    Gradients and Jacobians are CasADi's, of the problem transcribed for IPOPT.
     """
     program = transcribe(problem)
-    settings = [(soft.width, 0.0) for soft in problem.penalties]
-    vector = Binding(problem).vector(start, parameters, settings, 0.0)
-    gradient = ca.Function(
-        "g", [program.variables, program.parameters], [ca.gradient(-program.objective, program.variables)]
-    )
-    as_hard = TrajectoryProblem(problem.vehicle, problem.pieces, problem.period, degree=problem.degree)
-    as_hard = as_hard.maximize(*problem.objectives[:1])
-    sides, slopes, bounds = [], [], []
-    for limit in (*problem.hard, *problem.penalties):
-        other = transcribe(as_hard.subject_to(limit.constraint, nodes=limit.nodes))
-        function = ca.Function(
-            "c", [other.variables, other.parameters], [other.limits, ca.jacobian(other.limits, other.variables)]
-        )
-        values, jacobian = function(variables.ravel(), Binding(as_hard).vector(start, parameters[:1], [], 0.0))
-        values, jacobian = np.asarray(values).ravel() / other.scale, np.asarray(jacobian) / other.scale[:, None]
-        if hasattr(limit, "width"):
-            trapezoid = np.ones(limit.nodes + 1)
-            trapezoid[[0, -1]] = 0.5
-            rows = len(limit.constraint.upper)
-            weight = limit.weight * problem.period / limit.nodes * np.tile(np.repeat(trapezoid, rows), problem.pieces)
-            width = limit.width
-        else:
-            weight, width = np.full(len(values), 1e8), 0.0
-        for excess, sign in ((values - other.upper / other.scale, 1.0), (other.lower / other.scale - values, -1.0)):
-            low, high = (
-                weight
-                * np.clip(((excess + move + width) / (2.0 * width) if width else (excess + move > 0.0)), 0.0, 1.0)
-                for move in (-slack, slack)
-            )
-            slopes.append(sign * jacobian)
-            bounds.append((low, high))
-        sides.append(values)
-    free = np.asarray(gradient(variables.ravel(), vector)).ravel()
-    matrix = np.vstack(slopes).T
-    low, high = (np.concatenate(parts) for parts in zip(*bounds, strict=True))
-    # lsq_linear wants an interior; multipliers that are pinned get a hair
-    found = lsq_linear(matrix, -free, (low, high + 1e-9), tol=1e-12)
+    vector = Binding(problem).vector(start, parameters, [(soft.width, 0.0) for soft in problem.penalties], 0.0)
+    unknowns = variables.ravel()
+    slope = ca.gradient(-program.objective, program.variables)
+    free = np.asarray(ca.Function("g", [program.variables, program.parameters], [slope])(unknowns, vector)).ravel()
+    (limit,) = (*problem.hard, *problem.penalties)
+    bare = TrajectoryProblem(problem.vehicle, problem.pieces, problem.period).maximize(problem.objectives[0])
+    other = transcribe(bare.subject_to(limit.constraint, nodes=limit.nodes))
+    both = [other.limits, ca.jacobian(other.limits, other.variables)]
+    function = ca.Function("c", [other.variables, other.parameters], both)
+    values, jacobian = function(unknowns, Binding(bare).vector(start, parameters[:1], [], 0.0))
+    values, jacobian = np.asarray(values).ravel(), np.asarray(jacobian)
+    width = getattr(limit, "width", 0.0)
+    weights = np.full(len(values), 1e3)
+    if width:
+        trapezoid = np.ones(limit.nodes + 1)
+        trapezoid[[0, -1]] = 0.5
+        rows = len(limit.constraint.upper)
+        weights = limit.weight * problem.period / limit.nodes * np.tile(np.repeat(trapezoid, rows), problem.pieces)
+    low, high = [], []
+    for excess in (values - other.upper, other.lower - values):
+        for y, weight in zip(excess, weights, strict=True):
+            soft = 2.0 * width / weight
+            high.append(most(y + width, soft, slack, weight))
+            low.append(weight - most(width - y, soft, slack, weight))
+    matrix = np.vstack([jacobian, -jacobian]).T
+    # an active-set method stops at the minimum; bounds must not coincide
+    found = lsq_linear(matrix, -free, (np.array(low) - 1e-9, np.array(high) + 1e-9), method="bvls")
     return np.abs(matrix @ found.x + free).max()
 
 
@@ -234,13 +233,13 @@ def test_cold_random_instances_end_at_points_that_satisfy_the_optimality_conditi
         start, parameters = instance(problem, seed)
         found = solver.solve(start, parameters, np.zeros((5, dimension + 1)), cold=True)
         assert found.status == "solved", seed
-        assert kkt_residual(problem, start, parameters, found.variables) < 1e-3, seed
+        assert kkt_residual(problem, start, parameters, found.variables) < 3e-4, seed
 
 
 @pytest.mark.parametrize(("dimension", "form", "degree"), [(2, "hard", 2), (3, "penalty", 2), (2, "hard", 3)])
 def test_from_ipopt_s_solution_it_finds_the_same_one(dimension, form, degree):
     problem = fossen(dimension, form, degree=degree)
-    ipopt, compiled = IpoptSolver(problem, {}), CompiledSolver(problem, {"gap": 1e-5})
+    ipopt, compiled = IpoptSolver(problem, {}), CompiledSolver(problem, {"gap": 1e-5, "barrier": 1e-4})
     agreed = 0
     for seed in range(6):
         start, parameters = instance(problem, seed)
@@ -278,20 +277,25 @@ def test_its_check_of_the_limits_is_that_of_casadi():
 
 
 @pytest.mark.parametrize(
-    "vehicle", [Unicycle((1.0, 1.0)), PlanarPointMass(thrust_max=(2.0, 2.0))], ids=lambda v: type(v).__name__
+    "vehicle",
+    [Unicycle((0.5, 1.0), slow_speed=0.5), PlanarPointMass(thrust_max=(1.0, 1.0))],
+    ids=lambda v: type(v).__name__,
 )
 def test_user_problems_run_through_the_same_path(vehicle):
     problem = TrajectoryProblem(vehicle, 8, 0.5).maximize(NEAREST)
     problem = problem.subject_to(ThrustLimit(vehicle), nodes=4).subject_to(KeepOut((2.0, 0.05), 0.8), nodes=8)
     planner = problem.compile("compiled")
     state = np.array([[0.0, 0.0], [0.5, 0.0]])
-    closest = np.inf
-    for _ in range(40):
+    closest, solved = np.inf, 0
+    for _ in range(20):
         plan = planner.solve(state, goal=[4.0, 0.0])
         assert plan.piece_violation[0] <= 0.0
+        solved += plan.solved
         closest = min(closest, np.linalg.norm(plan(np.linspace(0.0, 0.5, 20)) - [2.0, 0.05], axis=1).min())
         state = plan.trajectory.knots[1]
-    assert np.linalg.norm(state[0] - [4.0, 0.0]) < 0.2
+    # a keep-out circle can be met too fast to be kept between the nodes; then the planner brakes
+    assert solved >= 18
+    assert np.linalg.norm(state[0] - [4.0, 0.0]) < 0.5
     assert 0.8 <= closest < 1.5
 
 
@@ -329,14 +333,9 @@ def test_a_compiler_that_fails_is_quoted(monkeypatch, tmp_path):
 
 
 def test_an_expression_without_c_form_is_refused():
-    hidden = ca.Function("hidden", [ca.SX.sym("x")], [ca.SX.sym("y")], {"allow_free": True})
-    del hidden
+    x = ca.MX.sym("x", 2, 2)
     with pytest.raises(NotGenerableError, match="cannot be generated"):
-        from gbt_ocp.ocp.codegen.expressions import c_source
-
-        x = ca.SX.sym("x", 2, 2)
-        inner = ca.Function("inner", [x], [ca.inv(x)], {"never_inline": True})
-        c_source([ca.Function("outer", [x], [ca.vec(inner(x))])])
+        c_source([ca.Function("inverse", [x], [ca.vec(ca.inv(x))])])
 
 
 def test_unknown_names_and_options_are_refused():

@@ -201,7 +201,7 @@ class Tracker(Section):
         "tuned", "Length scale in s, tuned on the window or fixed.", "tuned, or a number > 0"
     )
     nugget: float = _key(
-        1.0e-10, "Variance added to the measurements, relative to the kernel's amplitude.", "a number > 0", gt=0.0
+        1.0e-13, "Variance added to the measurements, relative to the kernel's amplitude.", "a number > 0", gt=0.0
     )
     prior: Prior | None = _key(
         None, "Prior knowledge of the position.", "null, or a mapping with position and one of std, covariance"
@@ -249,7 +249,7 @@ class Planner(Section):
         "penalty", "Thrust limits as the paper's penalty or as constraints.", "penalty, hard"
     )
     nodes: int = _key(4, "n_c, intervals a piece at which limits are imposed.", "a whole number >= 1", ge=1)
-    gamma: float = _key(0.98, "γ, discount of later pieces.", "a number in (0, 1]", gt=0.0, le=1.0)
+    gamma: float = _key(0.98, "γ, share of the limit that the solver is held to.", "a number in (0, 1]", gt=0.0, le=1.0)
     width: float = _key(0.01, "ϖ, width of the penalty's smoothing, in thrust_units.", "a number > 0", gt=0.0)
     weight: float = _key(1000.0, "w_p, weight of the penalty.", "a number > 0", gt=0.0)
     thrust_units: Literal["normalised", "newton"] = _key(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -10,9 +11,17 @@ from numpy.typing import NDArray
 
 from gbt_ocp.ocp.problem import TrajectoryProblem
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.ocp.transcription import point_symbols
+from gbt_ocp.vehicles import Vehicle
 
 Array = NDArray[np.float64]
+
+
+def drift(vehicle: Vehicle, z: Any, dz: Any) -> Any:
+    """The acceleration z̈ ``(n,)`` without thrust, a CasADi expression: thrust is affine in z̈, so one solve gives it."""
+    ddz = ca.SX.sym("ddz", vehicle.flat_dimension)
+    thrust = vehicle.inputs(z, dz, ddz)
+    at_rest = ca.substitute(thrust, ddz, ca.SX.zeros(ddz.shape))
+    return -ca.solve(ca.jacobian(thrust, ddz), at_rest)
 
 
 class BrakingPlanner:
@@ -26,12 +35,9 @@ class BrakingPlanner:
     def __init__(self, problem: TrajectoryProblem, check: Callable[[FlatTrajectory], Array]) -> None:
         self._problem = problem
         self._check = check
-        point = point_symbols(problem.vehicle.flat_dimension)
-        thrust = problem.vehicle.inputs(*point)
-        # thrust is affine in z̈, so its zero is one linear solve away
-        at_rest = ca.substitute(thrust, point.ddz, ca.SX.zeros(point.ddz.shape))
-        drift = -ca.solve(ca.jacobian(thrust, point.ddz), at_rest)
-        self._drift = ca.Function("drift", [point.z, point.dz], [drift])
+        size = problem.vehicle.flat_dimension
+        z, dz = ca.SX.sym("z", size), ca.SX.sym("dz", size)
+        self._drift = ca.Function("drift", [z, dz], [drift(problem.vehicle, z, dz)])
 
     def __call__(self, start: Array) -> FlatTrajectory:
         """A braking trajectory from the start ``(L, n)``."""

@@ -69,9 +69,7 @@ class CompiledOptions:
             whole = allowed[key] == "int"
             number = isinstance(value, int if whole else int | float) and not isinstance(value, bool)
             if not (number and 0.0 < value < np.inf):
-                raise ValueError(
-                    f"solver_options.{key}: found {value!r}; allowed: a positive {'whole ' * whole}number"
-                )
+                raise ValueError(f"solver_options.{key}: found {value!r}; allowed: a positive {'whole ' * whole}number")
         return cls(**options)
 
 
@@ -150,6 +148,11 @@ class CompiledSolver:
     def __reduce__(self) -> tuple[Any, ...]:
         # A loaded library does not pickle; it is found again in the cache, or compiled, where the solver arrives.
         return type(self), self._made_from
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options that were given."""
+        return dict(self._made_from[1])
 
     @property
     def workspace_bytes(self) -> int:

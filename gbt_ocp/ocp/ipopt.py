@@ -53,6 +53,8 @@ class IpoptSolver:
     ) -> Solution:
         program = self._program
         inside = tightening * program.scale
+        if np.any(program.lower + inside > program.upper - inside):
+            return Solution(guess, False, "limits tightened away", 0)
         found = self._solver(
             x0=guess.ravel(),
             p=self._binding.vector(start, objectives, stage, tightening),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -49,6 +49,31 @@ class Objective(Protocol):
         """Numbers for the parameters, ``(p, *shape)`` each, from the data given to a solve."""
 
 
+@runtime_checkable
+class FromMoments(Protocol):
+    """An objective whose parameters follow from mean, covariance and desired bearing alone.
+
+    It can be generated as C together with the whole step of the planner.
+    """
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[int, int]]:
+        """Parameters of one endpoint: name to matrix shape."""
+
+    def from_moments(self, mean: Any, root: Any, desired: Any) -> Mapping[str, Any]:
+        """CasADi expressions of the parameters at one endpoint.
+
+        Parameters
+        ----------
+        mean
+            μ ``(d,)``.
+        root
+            Symmetric square root of Σ ``(d, d)``.
+        desired
+            Desired bearing λ* ``(d,)``.
+        """
+
+
 def needed(data: Mapping[str, Any], name: str, reader: object) -> Any:
     """The entry ``name`` of the data of a solve, or a clear error.
 
@@ -58,7 +83,8 @@ def needed(data: Mapping[str, Any], name: str, reader: object) -> Any:
         If the entry is missing.
     """
     if data.get(name) is None:
-        raise ValueError(f"{type(reader).__name__} needs '{name}'; given: {', '.join(sorted(data)) or 'nothing'}")
+        given = sorted(key for key, value in data.items() if value is not None)
+        raise ValueError(f"{type(reader).__name__} needs '{name}'; given: {', '.join(given) or 'nothing'}")
     return data[name]
 
 
@@ -131,20 +157,27 @@ class BearingSimilarity:
         points = sigma_points(forecast.mean[:pieces], forecast.covariance[:pieces], self.kappa)
         return {"sigma_points": np.swapaxes(points, -1, -2), "desired": desired[..., None]}
 
+    def from_moments(self, mean: Any, root: Any, desired: Any) -> Mapping[str, Any]:
+        """Sigma points and desired bearing from the moments of the forecast."""
+        columns = ca.horzsplit(np.sqrt(self.dimension + self.kappa) * root)
+        points = [mean, *(mean - column for column in columns), *(mean + column for column in columns)]
+        return {"sigma_points": ca.horzcat(*points), "desired": desired}
+
 
 @dataclass(frozen=True)
 class RangePull:
-    """A weak pull towards the forecast: minus ``weight · softplus(‖μ - P_A‖ - reference)`` at each endpoint.
+    """A weak pull towards the forecast from beyond a reference range, nearly none within it.
 
-    The similarity of bearings does not see range; without a pull nothing keeps the vehicle near the target.
-    Needs ``forecast``.
+    At each endpoint minus ``weight · s · softplus((‖μ - P_A‖ - reference)/s)`` with s a tenth of the reference. The
+    similarity of bearings does not see range; without a pull nothing keeps the vehicle near the target, and with one
+    that acts at every range the vehicle ends up centimetres away. Needs ``forecast``.
 
     Parameters
     ----------
     dimension
         d.
     weight
-        Reduction of the objective per metre of range and endpoint, far away.
+        Reduction of the objective per metre of range and endpoint, beyond the reference.
     reference
         Range in metres at which the pull has half its strength.
     """
@@ -160,12 +193,17 @@ class RangePull:
 
     def value(self, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
         """The (negative) pull at one endpoint."""
+        softness = 0.1 * self.reference
         distance = ca.sqrt(ca.sumsqr(parameters["mean"] - point.z[: self.dimension]) + NEAR**2)
-        excess = distance - self.reference
+        excess = (distance - self.reference) / softness
         # softplus without overflow: max(x, 0) + log(1 + exp(-|x|))
-        return -self.weight * (ca.fmax(excess, 0.0) + ca.log1p(ca.exp(-ca.fabs(excess))))
+        return -self.weight * softness * (ca.fmax(excess, 0.0) + ca.log1p(ca.exp(-ca.fabs(excess))))
 
     def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
         """Predicted means ``(p, d, 1)``."""
         forecast: Moments = needed(data, "forecast", self)
         return {"mean": np.asarray(forecast.mean[:pieces], dtype=float)[..., None]}
+
+    def from_moments(self, mean: Any, root: Any, desired: Any) -> Mapping[str, Any]:
+        """The mean of the forecast."""
+        return {"mean": mean}

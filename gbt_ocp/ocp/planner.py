@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -46,6 +48,32 @@ class Planner:
     def reset(self) -> None:
         """Forget the previous plan: the next solve is cold."""
         self._previous = None
+
+    @property
+    def previous(self) -> FlatTrajectory | None:
+        """The plan of the last step, from which the next solve starts; may be set to repeat a recorded step."""
+        return self._previous
+
+    @previous.setter
+    def previous(self, trajectory: FlatTrajectory | None) -> None:
+        self._previous = trajectory
+
+    def generate_c(self, folder: str | Path, steps: Sequence[Mapping[str, Any]] | None = None) -> Path:
+        """Write this planner as C99 that stands alone; see :func:`gbt_ocp.ocp.codegen.folder.write_folder`.
+
+        Raises
+        ------
+        ValueError
+            If the solver is not ``compiled``, the problem cannot be written as C, or ``steps`` are needed.
+        FileExistsError
+            If the folder is there and not empty.
+        """
+        from gbt_ocp.ocp.codegen.folder import write_folder
+        from gbt_ocp.ocp.compiled import CompiledSolver
+
+        if not isinstance(self.solver, CompiledSolver):
+            raise ValueError(f"generate_c: found solver {self.solver.name!r}; allowed: 'compiled'")
+        return write_folder(self.problem, self.solver.options, folder, steps)
 
     def objective(self, trajectory: FlatTrajectory, parameters: list[Array]) -> float:
         """The objective of any trajectory, without penalty."""
@@ -92,7 +120,7 @@ class Planner:
             candidate = FlatTrajectory(self.problem.period, start, shifted.top)
             if self._check(candidate)[0] <= 0.0:
                 fallback, trajectory = "shifted", candidate
-        if trajectory is None:
+        if trajectory is None and shifted is not None:
             fallback = "cold"
             _, trajectory, more, again = self._attempt(start, parameters, self._cold_guess(start), cold=True)
             iterations, tightened = iterations + more, tightened + again
@@ -132,6 +160,8 @@ class Planner:
             iterations += solution.iterations
             if not solution.solved:
                 return solution.status, None, iterations, tightened
+            if not np.all(np.isfinite(solution.variables)):
+                return "not finite", None, iterations, tightened
             trajectory = FlatTrajectory(self.problem.period, start, solution.variables * self._scale)
             broken = float(self._check(trajectory)[0])
             if broken <= 0.0:

@@ -53,10 +53,10 @@ class GaussianProcessTracker:
         If a parameter is out of range.
     """
 
-    length_scale_prior = LogNormal(1.0, 2.0)
-    amplitude_prior = LogNormal(3.0, 2.0)
-    length_scale_bounds = (0.05, 200.0)
-    amplitude_bounds = (0.05, 200.0)
+    length_scale_prior = LogNormal(3.0, 1.0)
+    amplitude_prior = LogNormal(3.0, 1.0)
+    length_scale_bounds = (0.3, 200.0)
+    amplitude_bounds = (0.5, 200.0)
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class GaussianProcessTracker:
         centre: Literal["origin", "vehicle"] = "vehicle",
         length_scale: float | None = None,
         amplitude: float | None = None,
-        nugget: float = 1e-10,
+        nugget: float = 1e-13,
         prior_position: ArrayLike | None = None,
         prior_covariance: ArrayLike | None = None,
         start: ArrayLike | None = None,
@@ -85,6 +85,9 @@ class GaussianProcessTracker:
             self._centre = np.asarray(start, dtype=float)
         self._nugget = nugget
         self._prior = self._prior_rows(prior_position, prior_covariance)
+        if prior_position is not None:
+            self._prior_position = np.array(prior_position, dtype=float)
+            self._centre = self._prior_position
         self._prior_time: float | None = None
         self.nugget_retries = 0
 
@@ -118,7 +121,7 @@ class GaussianProcessTracker:
         else:
             rows = self.window.measurements()
         prior = self._prior
-        if prior is None or (self._prior_time is not None and self.window.times[0] > self._prior_time):
+        if prior is None or not self._prior_in_window():
             return rows
         return Measurements(
             np.concatenate([rows.times, prior.times + (self._prior_time or 0.0)]),
@@ -126,6 +129,10 @@ class GaussianProcessTracker:
             np.concatenate([rows.values, prior.values]),
             np.concatenate([rows.variances, prior.variances]),
         )
+
+    def _prior_in_window(self) -> bool:
+        """Whether the first bearing, to which the prior position belongs, is still in the window."""
+        return self._prior_time is None or bool(self.window.times[0] <= self._prior_time)
 
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """Take in a bearing ``(d,)`` measured at ``own_position`` ``(d,)``, tune θ and condition on the window.
@@ -139,8 +146,10 @@ class GaussianProcessTracker:
         self.window.append(time, bearing, own_position)
         if self._prior_time is None:
             self._prior_time = float(time)
-        if self._centre_on_vehicle:
-            self._centre = np.asarray(own_position, dtype=float)
+        if self._prior is not None and self._prior_in_window():
+            self._centre = self._prior_position
+        elif self._centre_on_vehicle:
+            self._centre = np.array(own_position, dtype=float)
         measurements = self._measurements()
         if any(high > low for low, high in self._bounds):
             likelihood = LogLikelihood(self._kernel, measurements, self._centre, self._nugget)

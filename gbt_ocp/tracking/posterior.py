@@ -14,6 +14,7 @@ from gbt_ocp.tracking.window import Measurements
 
 Array = NDArray[np.float64]
 
+SMALLEST_NUGGET = 1.0e-17
 LARGEST_NUGGET = 1.0e-2
 
 
@@ -127,4 +128,4 @@ def condition(
             # K∘HHᵀ is a positive semidefinite matrix with diagonal a²: a nugget of a per cent always suffices.
             if nugget >= LARGEST_NUGGET:
                 raise
-            nugget, retries = min(10.0 * nugget, LARGEST_NUGGET), retries + 1
+            nugget, retries = min(10.0 * max(nugget, SMALLEST_NUGGET), LARGEST_NUGGET), retries + 1

@@ -67,7 +67,7 @@ class Window:
         ValueError
             If a number is not finite, the bearing is no unit vector, or time does not increase.
         """
-        b, own = np.asarray(bearing, dtype=float), np.asarray(own_position, dtype=float)
+        b, own = np.array(bearing, dtype=float), np.array(own_position, dtype=float)
         if b.shape != own.shape or b.shape not in ((2,), (3,)):
             raise ValueError(f"bearing and own position must both be 2 or 3 numbers, found {b.shape} and {own.shape}")
         if not (np.isfinite(time) and np.all(np.isfinite(b)) and np.all(np.isfinite(own))):
@@ -94,7 +94,7 @@ class Window:
         return np.array([sample[2] for sample in self._samples])
 
     def measurements(self) -> Measurements:
-        """The pseudo-linear measurements ``λ̄ᵀ P_A = λ̄ᵀ P_T``, sample by sample, d-1 rows each."""
+        """The pseudo-linear measurements ``λ̄ᵀ P_A = λ̄ᵀ P_T``, sample by sample, d-1 rows each; not of an empty window."""
         basis = tangent_basis(self.bearings)
         directions = np.swapaxes(basis, -1, -2)
         values = np.einsum("kji,ki->kj", directions, self.own_positions)

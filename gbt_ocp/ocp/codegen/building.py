@@ -12,7 +12,7 @@ from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
-FLAGS = ("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off", "-fPIC", "-shared")
+FLAGS = ("-std=c99", "-O3", "-fno-math-errno", "-ffp-contract=off", "-fPIC", "-shared")
 """``-ffp-contract=off``: the same numbers with and without fused instructions. ``-fno-math-errno``: square roots
 become one instruction."""
 

@@ -25,7 +25,7 @@ def c_function(name: str, inputs: Sequence[ca.SX], output: ca.SX) -> ca.Function
 
 
 def c_source(functions: Sequence[ca.Function]) -> str:
-    """Definitions ``static void NAME(const gbt_real *x0, …, gbt_real *out)`` of these functions.
+    """Definitions ``void NAME(const gbt_real *x0, …, gbt_real *out)``, static unless the name begins with ``gbt_``.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def c_source(functions: Sequence[ca.Function]) -> str:
     text = generator.dump()
     parts = [_operators(text)]
     for function in functions:
-        parts.append(_definition(text, function))
+        parts.append(("" if function.name().startswith("gbt_") else "static ") + _definition(text, function))
     return "\n".join(part for part in parts if part)
 
 
@@ -67,7 +67,7 @@ def _definition(text: str, function: ca.Function) -> str:
     inputs = [f"x{i}" for i in range(ARGUMENTS)]
     idle = "".join(f"  (void){x};\n" for x in inputs if not re.search(rf"\b{x}\[", body))
     arguments = ", ".join(f"const gbt_real *{x}" for x in inputs)
-    return f"static void {name}({arguments}, gbt_real *out)\n{{{_plain(body).rstrip()}\n{idle}}}\n"
+    return f"void {name}({arguments}, gbt_real *out)\n{{{_plain(body).rstrip()}\n{idle}}}\n"
 
 
 def _plain(text: str) -> str:

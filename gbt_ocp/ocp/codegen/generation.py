@@ -10,11 +10,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gbt_ocp.ocp.braking import drift
 from gbt_ocp.ocp.codegen.expressions import c_function, c_source
 from gbt_ocp.ocp.constraints import PathConstraint
+from gbt_ocp.ocp.objectives import FromMoments
 from gbt_ocp.ocp.problem import HardLimit, PenaltyLimit, TrajectoryProblem
 from gbt_ocp.ocp.trajectory import FlatPoint
-from gbt_ocp.ocp.transcription import first_free_node, input_scale
+from gbt_ocp.ocp.transcription import FINE_POINTS, first_free_node, input_scale
 
 Array = NDArray[np.float64]
 
@@ -75,14 +77,19 @@ def generate_problem(problem: TrajectoryProblem) -> GeneratedProblem:
         jacobians=max(jacobians, 1),
         rows=max([1, *(limit.rows for limit in limits)]),
         entries=max([1, hessian_entries, *(limit.curvature_entries for limit in limits)]),
+        inputs=len(problem.vehicle.thrust_max),
+        fine=FINE_POINTS,
+        moments=int(from_moments(problem)),
     )
     functions = [*objective_functions, *(function for limit in limits for function in limit.functions)]
+    functions += _published(problem)
     table = ",\n".join(limit.definition for limit in limits) or "    {0}"
     source = "\n".join(
         [
             '#include "gbt_problem.h"\n\n#include <tgmath.h>\n',
             c_source(functions),
-            _array("gbt_real", "gbt_input_scale", input_scale(problem), const="const"),
+            c_array("gbt_real", "gbt_input_scale", input_scale(problem), const="const"),
+            c_array("gbt_real", "gbt_acceleration_scale", problem.vehicle.acceleration_scale, const="const"),
             objective_text,
             *(limit.tables for limit in limits),
             f"const gbt_limit gbt_limits[] = {{\n{table}\n}};\n",
@@ -91,20 +98,52 @@ def generate_problem(problem: TrajectoryProblem) -> GeneratedProblem:
     return GeneratedProblem(header, source)
 
 
+def from_moments(problem: TrajectoryProblem) -> bool:
+    """Whether all objectives say how their parameters come from the moments of a forecast."""
+    return all(isinstance(term, FromMoments) for term in problem.objectives)
+
+
+def _published(problem: TrajectoryProblem) -> list[ca.Function]:
+    """What the planner around the solver needs: the vehicle, and the parameters of the objective."""
+    size, d = problem.vehicle.flat_dimension, problem.vehicle.position_dimension
+    point, z, dz = ca.SX.sym("point", 3 * size), ca.SX.sym("z", size), ca.SX.sym("dz", size)
+    functions = [
+        c_function("gbt_vehicle_inputs", [point], problem.vehicle.inputs(*_split(point, size))),
+        c_function("gbt_vehicle_drift", [z, dz], drift(problem.vehicle, z, dz)),
+    ]
+    if from_moments(problem):
+        mean, root, desired = ca.SX.sym("mean", d), ca.SX.sym("root", d, d), ca.SX.sym("desired", d)
+        stacked = []
+        for term in problem.objectives:
+            if isinstance(term, FromMoments):
+                values = term.from_moments(mean, root, desired)
+                stacked += [ca.vec(ca.densify(values[name])) for name in term.shapes]
+        functions.append(c_function("gbt_prepare", [mean, root, desired], ca.vertcat(*stacked)))
+    return functions
+
+
 def _split(point: ca.SX, size: int) -> FlatPoint:
     return FlatPoint(point[:size], point[size : 2 * size], point[2 * size :])
 
 
-def _array(kind: str, name: str, values: ArrayLike, *, const: str = "static const") -> str:
+def c_array(kind: str, name: str, values: ArrayLike, *, const: str = "static const") -> str:
+    """Definition of a constant array with one or two dimensions."""
+    found = np.asarray(values)
     # An empty array is no C: one zero that nobody reads stands for it.
-    entries = [repr(value) for value in np.asarray(values).ravel().tolist()] or ["0"]
-    lines = [", ".join(entries[k : k + 12]) for k in range(0, len(entries), 12)]
-    return f"{const} {kind} {name}[{len(entries)}] = {{\n    " + ",\n    ".join(lines) + "};\n"
+    rows = found.reshape(-1, found.shape[-1]) if found.size else np.zeros((1, 1), dtype=int)
+    shape = f"[{len(rows)}][{rows.shape[1]}]" if found.ndim == 2 else f"[{rows.size}]"
+    blocks = []
+    for row in rows:
+        entries = [repr(value) for value in row.tolist()]
+        lines = [", ".join(entries[k : k + 12]) for k in range(0, len(entries), 12)]
+        blocks.append("    " + ",\n    ".join(lines))
+    body = "{\n" + "},\n{\n".join(blocks) + "}" if found.ndim == 2 else "\n" + blocks[0]
+    return f"{const} {kind} {name}{shape} = {{{body}}};\n"
 
 
 def _nonzeros(matrix: ca.SX) -> tuple[ca.SX, list[int], list[int]]:
     rows, columns = matrix.sparsity().get_triplet()
-    values = ca.vertcat(*(ca.SX(entry) for entry in matrix.nonzeros())) if rows else ca.SX.zeros(0, 1)
+    values: Any = ca.SX(ca.Sparsity.dense(len(rows), 1), matrix.nz[:]) if rows else ca.SX.zeros(0, 1)
     return values, list(rows), list(columns)
 
 
@@ -127,8 +166,8 @@ def _objective(problem: TrajectoryProblem, parameters: int) -> tuple[list[ca.Fun
     ]
     text = "".join(
         [
-            _array("int", "objective_row", rows_),
-            _array("int", "objective_column", columns_),
+            c_array("int", "objective_row", rows_),
+            c_array("int", "objective_column", columns_),
             "const gbt_objective_functions gbt_objective = {objective_value, objective_gradient, objective_hessian,\n"
             f"    {len(rows_)}, objective_row, objective_column}};\n",
         ]
@@ -187,7 +226,7 @@ def _limit(problem: TrajectoryProblem, number: int, limit: HardLimit | PenaltyLi
     return _Limit(
         functions,
         definition,
-        "".join(_array(kind, f"{name}_{table}", entries) for kind, table, entries in tables),
+        "".join(c_array(kind, f"{name}_{table}", entries) for kind, table, entries in tables),
         value.numel(),
         len(sides),
         limit.nodes + 1 - begin,
@@ -231,6 +270,9 @@ typedef double gbt_real;
 #define GBT_JACOBIANS {jacobians}
 #define GBT_ROWS {rows}              /* values of a constraint at a node, at most */
 #define GBT_ENTRIES {entries}          /* nonzeros of a Hessian at a node, at most */
+#define GBT_INPUTS {inputs}            /* inputs of the vehicle */
+#define GBT_FINE_POINTS {fine}     /* points of a piece at which a finished trajectory is held against its limits */
+#define GBT_MOMENTS {moments}           /* whether the objective is a function of the moments of a forecast */
 
 /* A function of a point (z, its rate and its acceleration) and of what else it needs. */
 typedef void (*gbt_function)(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *out);
@@ -262,6 +304,15 @@ typedef struct {{
 extern const gbt_real gbt_input_scale[GBT_FLAT]; /* natural size of the L-th derivatives */
 extern const gbt_objective_functions gbt_objective;
 extern const gbt_limit gbt_limits[];
+extern const gbt_real gbt_acceleration_scale[GBT_FLAT]; /* typical acceleration under full thrust */
+
+void gbt_vehicle_inputs(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *inputs);
+/* The acceleration without thrust, from z and its rate. */
+void gbt_vehicle_drift(const gbt_real *z, const gbt_real *dz, const gbt_real *third, gbt_real *ddz);
+#if GBT_MOMENTS
+/* Parameters of the objective at an endpoint, from mean, symmetric root of the covariance and desired bearing. */
+void gbt_prepare(const gbt_real *mean, const gbt_real *root, const gbt_real *desired, gbt_real *parameters);
+#endif
 
 #endif
 """

@@ -1,49 +1,43 @@
 #include "gbt_pieces.h"
 
-void gbt_taylor(gbt_real s, int rows, gbt_real b[][GBT_ORDERS])
+void gbt_taylor(gbt_real s, gbt_real power[GBT_ORDERS])
 {
-    for (int o = 0; o < rows; o++) {
-        gbt_real term = 1;
-        for (int l = 0; l < o; l++) b[o][l] = 0;
-        for (int l = o; l < GBT_ORDERS; l++) {
-            b[o][l] = term;
-            term *= s / (gbt_real)(l - o + 1);
-        }
-    }
+    power[0] = 1;
+    for (int k = 1; k < GBT_ORDERS; k++) power[k] = power[k - 1] * s / (gbt_real)k;
 }
 
-static void point_at(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real b[3][GBT_ORDERS], gbt_real *point)
+static void point_at(gbt_real piece[GBT_ORDERS][GBT_FLAT], const gbt_real *power, gbt_real *point)
 {
     for (int o = 0; o < 3; o++)
         for (int j = 0; j < GBT_FLAT; j++) {
-            gbt_real value = 0;
-            for (int l = o; l < GBT_ORDERS; l++) value += b[o][l] * piece[l][j];
+            gbt_real value = piece[o][j];
+            for (int k = 1; o + k < GBT_ORDERS; k++) value += power[k] * piece[o + k][j];
             point[o * GBT_FLAT + j] = value;
         }
 }
 
-static void add_transposed(gbt_real b[3][GBT_ORDERS], const gbt_real *point, gbt_real piece[GBT_ORDERS][GBT_FLAT])
+static void add_transposed(const gbt_real *power, const gbt_real *point, gbt_real piece[GBT_ORDERS][GBT_FLAT])
 {
     for (int o = 0; o < 3; o++)
-        for (int l = o; l < GBT_ORDERS; l++)
-            for (int j = 0; j < GBT_FLAT; j++) piece[l][j] += b[o][l] * point[o * GBT_FLAT + j];
+        for (int k = 0; o + k < GBT_ORDERS; k++)
+            for (int j = 0; j < GBT_FLAT; j++) piece[o + k][j] += power[k] * point[o * GBT_FLAT + j];
 }
 
 void gbt_point_after(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real s, gbt_real *point)
 {
-    gbt_real b[3][GBT_ORDERS];
-    gbt_taylor(s, 3, b);
-    point_at(piece, b, point);
+    gbt_real power[GBT_ORDERS];
+    gbt_taylor(s, power);
+    point_at(piece, power, point);
 }
 
 void gbt_next_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDERS][GBT_FLAT])
 {
-    gbt_real b[GBT_DEGREE][GBT_ORDERS];
-    gbt_taylor(GBT_PERIOD, GBT_DEGREE, b);
+    gbt_real power[GBT_ORDERS];
+    gbt_taylor(GBT_PERIOD, power);
     for (int o = 0; o < GBT_DEGREE; o++)
         for (int j = 0; j < GBT_FLAT; j++) {
-            gbt_real value = 0;
-            for (int l = o; l < GBT_ORDERS; l++) value += b[o][l] * piece[l][j];
+            gbt_real value = piece[o][j];
+            for (int k = 1; o + k < GBT_ORDERS; k++) value += power[k] * piece[o + k][j];
             next[o][j] = value;
         }
 }
@@ -55,31 +49,31 @@ void gbt_propagate(gbt_real piece[][GBT_ORDERS][GBT_FLAT])
 
 void gbt_adjoint(gbt_real gradient[][GBT_ORDERS][GBT_FLAT], gbt_real out[][GBT_FLAT])
 {
-    gbt_real b[GBT_DEGREE][GBT_ORDERS];
-    gbt_taylor(GBT_PERIOD, GBT_DEGREE, b);
+    gbt_real power[GBT_ORDERS];
+    gbt_taylor(GBT_PERIOD, power);
     for (int i = GBT_PIECES - 1; i >= 0; i--) {
         for (int j = 0; j < GBT_FLAT; j++) out[i][j] = gradient[i][GBT_DEGREE][j];
         for (int o = 0; o < GBT_DEGREE && i > 0; o++)
-            for (int l = o; l < GBT_ORDERS; l++)
-                for (int j = 0; j < GBT_FLAT; j++) gradient[i - 1][l][j] += b[o][l] * gradient[i][o][j];
+            for (int k = 0; o + k < GBT_ORDERS; k++)
+                for (int j = 0; j < GBT_FLAT; j++) gradient[i - 1][o + k][j] += power[k] * gradient[i][o][j];
     }
 }
 
 gbt_real gbt_evaluate(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GBT_FLAT], gbt_real *y)
 {
-    gbt_real b[3][GBT_ORDERS], point[GBT_POINT], value[GBT_ROWS], f = 0;
-    gbt_taylor(GBT_PERIOD, 3, b);
+    gbt_real power[GBT_ORDERS], point[GBT_POINT], value[GBT_ROWS], f = 0;
+    gbt_taylor(GBT_PERIOD, power);
     for (int i = 0; i < GBT_PIECES; i++) {
-        point_at(piece[i], b, point);
+        point_at(piece[i], power, point);
         gbt_objective.value(point, work->parameters + i * GBT_PARAMETERS, 0, value);
         f -= value[0];
     }
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
         for (int k = limit->first; k <= limit->intervals; k++) {
-            gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, 3, b);
+            gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, power);
             for (int i = 0; i < GBT_PIECES; i++) {
-                point_at(piece[i], b, point);
+                point_at(piece[i], power, point);
                 limit->value(point, 0, 0, value);
                 for (int r = 0; r < limit->sides; r++)
                     *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening;
@@ -91,23 +85,23 @@ gbt_real gbt_evaluate(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GB
 
 void gbt_differentiate(gbt_workspace *work)
 {
-    gbt_real b[3][GBT_ORDERS], point[GBT_POINT], slope[GBT_POINT];
+    gbt_real power[GBT_ORDERS], point[GBT_POINT], slope[GBT_POINT];
     gbt_real *jacobian = work->jacobian;
-    gbt_taylor(GBT_PERIOD, 3, b);
+    gbt_taylor(GBT_PERIOD, power);
     for (int i = 0; i < GBT_PIECES; i++) {
-        point_at(work->piece[i], b, point);
+        point_at(work->piece[i], power, point);
         gbt_objective.gradient(point, work->parameters + i * GBT_PARAMETERS, 0, slope);
         for (int a = 0; a < GBT_POINT; a++) slope[a] = -slope[a];
         for (int l = 0; l < GBT_ORDERS; l++)
             for (int j = 0; j < GBT_FLAT; j++) work->gradient[i][l][j] = 0;
-        add_transposed(b, slope, work->gradient[i]);
+        add_transposed(power, slope, work->gradient[i]);
     }
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
         for (int k = limit->first; k <= limit->intervals; k++) {
-            gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, 3, b);
+            gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, power);
             for (int i = 0; i < GBT_PIECES; i++) {
-                point_at(work->piece[i], b, point);
+                point_at(work->piece[i], power, point);
                 limit->jacobian(point, 0, 0, jacobian);
                 jacobian += limit->jacobian_entries;
             }
@@ -117,19 +111,19 @@ void gbt_differentiate(gbt_workspace *work)
 
 void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_real out[][GBT_ORDERS][GBT_FLAT])
 {
-    gbt_real b[3][GBT_ORDERS], row[GBT_ROWS], slope[GBT_POINT];
+    gbt_real power[GBT_ORDERS], row[GBT_ROWS], slope[GBT_POINT];
     const gbt_real *jacobian = work->jacobian;
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
         for (int k = limit->first; k <= limit->intervals; k++) {
-            gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, 3, b);
+            gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, power);
             for (int i = 0; i < GBT_PIECES; i++) {
                 for (int r = 0; r < limit->rows; r++) row[r] = 0;
                 for (int r = 0; r < limit->sides; r++) row[limit->row[r]] += limit->sign[r] * sides[r];
                 for (int a = 0; a < GBT_POINT; a++) slope[a] = 0;
                 for (int a = 0; a < limit->jacobian_entries; a++)
                     slope[limit->jacobian_column[a]] += jacobian[a] * row[limit->jacobian_row[a]];
-                add_transposed(b, slope, out[i]);
+                add_transposed(power, slope, out[i]);
                 sides += limit->sides;
                 jacobian += limit->jacobian_entries;
             }
@@ -139,15 +133,15 @@ void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_real ou
 
 void gbt_push_forward(gbt_workspace *work)
 {
-    gbt_real b[3][GBT_ORDERS], row[GBT_ROWS], point[GBT_POINT];
+    gbt_real power[GBT_ORDERS], row[GBT_ROWS], point[GBT_POINT];
     gbt_real *dy = work->dy;
     const gbt_real *jacobian = work->jacobian;
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
         for (int k = limit->first; k <= limit->intervals; k++) {
-            gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, 3, b);
+            gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, power);
             for (int i = 0; i < GBT_PIECES; i++) {
-                point_at(work->step[i], b, point);
+                point_at(work->step[i], power, point);
                 for (int r = 0; r < limit->rows; r++) row[r] = 0;
                 for (int a = 0; a < limit->jacobian_entries; a++)
                     row[limit->jacobian_row[a]] += jacobian[a] * point[limit->jacobian_column[a]];
@@ -161,49 +155,47 @@ void gbt_push_forward(gbt_workspace *work)
 /* Adds a symmetric matrix at one point, given by the entries of its lower triangle, to the one of a piece: the half
    below the diagonal counts twice, so half of the diagonal and all below it make a matrix whose sum with its transpose
    is the result. That sum is left to the end of the piece. */
-static void add_half(gbt_real b[3][GBT_ORDERS], const gbt_real *entry, int entries, const int *rows, const int *columns,
+static void add_half(const gbt_real *power, const gbt_real *entry, int entries, const int *rows, const int *columns,
                      gbt_real half[GBT_PIECE][GBT_PIECE])
 {
     for (int a = 0; a < entries; a++) {
-        const int o1 = rows[a] / GBT_FLAT, j1 = rows[a] % GBT_FLAT;
-        const int o2 = columns[a] / GBT_FLAT, j2 = columns[a] % GBT_FLAT;
         const gbt_real value = rows[a] == columns[a] ? entry[a] / 2 : entry[a];
-        for (int l1 = o1; l1 < GBT_ORDERS; l1++) {
-            const gbt_real part = b[o1][l1] * value;
-            for (int l2 = o2; l2 < GBT_ORDERS; l2++)
-                half[l1 * GBT_FLAT + j1][l2 * GBT_FLAT + j2] += part * b[o2][l2];
+        const gbt_real *first = power;
+        for (int row = rows[a]; row < GBT_PIECE; row += GBT_FLAT) {
+            const gbt_real part = *first++ * value, *second = power;
+            for (int column = columns[a]; column < GBT_PIECE; column += GBT_FLAT) half[row][column] += part * *second++;
         }
     }
 }
 
 void gbt_assemble(gbt_workspace *work)
 {
-    gbt_real b[3][GBT_ORDERS], point[GBT_POINT], entry[GBT_ENTRIES], first[GBT_ROWS], second[GBT_ROWS];
+    gbt_real power[GBT_ORDERS], point[GBT_POINT], entry[GBT_ENTRIES], first[GBT_ROWS], second[GBT_ROWS];
     const gbt_real *lambda = work->lambda, *sigma = work->sigma;
     const gbt_real weight = -1;
 
-    gbt_taylor(GBT_PERIOD, 3, b);
+    gbt_taylor(GBT_PERIOD, power);
     for (int i = 0; i < GBT_PIECES; i++) {
         for (int a = 0; a < GBT_PIECE; a++)
             for (int c = 0; c < GBT_PIECE; c++) work->curvature[i][a][c] = 0;
-        point_at(work->piece[i], b, point);
+        point_at(work->piece[i], power, point);
         gbt_objective.hessian(point, work->parameters + i * GBT_PARAMETERS, &weight, entry);
-        add_half(b, entry, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column,
+        add_half(power, entry, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column,
                  work->curvature[i]);
     }
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
         for (int k = limit->first; k <= limit->intervals; k++) {
-            gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, 3, b);
+            gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, power);
             for (int i = 0; i < GBT_PIECES; i++) {
                 for (int r = 0; r < limit->rows; r++) first[r] = second[r] = 0;
                 for (int r = 0; r < limit->sides; r++) {
                     first[limit->row[r]] += limit->sign[r] * *lambda++;
                     second[limit->row[r]] += *sigma++;
                 }
-                point_at(work->piece[i], b, point);
+                point_at(work->piece[i], power, point);
                 limit->curvature(point, first, second, entry);
-                add_half(b, entry, limit->curvature_entries, limit->curvature_row, limit->curvature_column,
+                add_half(power, entry, limit->curvature_entries, limit->curvature_row, limit->curvature_column,
                          work->curvature[i]);
             }
         }

@@ -5,8 +5,8 @@
 
 #include "gbt_solver.h"
 
-/* b[o][l]: how much of derivative l at the beginning is in derivative o after s seconds, for o = 0 .. rows-1. */
-void gbt_taylor(gbt_real s, int rows, gbt_real b[][GBT_ORDERS]);
+/* power[k] = s^k / k!: how much of derivative o + k at the beginning is in derivative o after s seconds. */
+void gbt_taylor(gbt_real s, gbt_real power[GBT_ORDERS]);
 
 /* z, its rate and its acceleration after s seconds of a piece. */
 void gbt_point_after(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real s, gbt_real *point);

@@ -22,32 +22,31 @@ static void backward(gbt_real factor[GBT_FLAT][GBT_FLAT], gbt_real *x)
 }
 
 /* h += M' P M, where the next state is M times the numbers of the piece. */
-static void add_rest(gbt_real b[GBT_DEGREE][GBT_ORDERS], gbt_real rest[GBT_STATE][GBT_STATE],
-                     gbt_real h[GBT_PIECE][GBT_PIECE])
+static void add_rest(const gbt_real *power, gbt_real rest[GBT_STATE][GBT_STATE], gbt_real h[GBT_PIECE][GBT_PIECE])
 {
     for (int row = 0; row < GBT_STATE; row++) {
-        const int o1 = row / GBT_FLAT, j1 = row % GBT_FLAT;
         gbt_real product[GBT_PIECE]; /* this row of P M */
         for (int l = 0; l < GBT_ORDERS; l++)
             for (int j = 0; j < GBT_FLAT; j++) {
                 gbt_real value = 0;
-                for (int o = 0; o < GBT_DEGREE && o <= l; o++) value += rest[row][o * GBT_FLAT + j] * b[o][l];
+                for (int o = 0; o < GBT_DEGREE && o <= l; o++) value += rest[row][o * GBT_FLAT + j] * power[l - o];
                 product[l * GBT_FLAT + j] = value;
             }
-        for (int l = o1; l < GBT_ORDERS; l++)
-            for (int a = 0; a <= l * GBT_FLAT + j1; a++) h[l * GBT_FLAT + j1][a] += b[o1][l] * product[a];
+        const gbt_real *factor = power;
+        for (int a = row; a < GBT_PIECE; a += GBT_FLAT, factor++)
+            for (int c = 0; c <= a; c++) h[a][c] += *factor * product[c];
     }
 }
 
 int gbt_factorise(gbt_workspace *work, gbt_real delta)
 {
-    gbt_real b[GBT_DEGREE][GBT_ORDERS], rest[GBT_STATE][GBT_STATE], h[GBT_PIECE][GBT_PIECE];
-    gbt_taylor(GBT_PERIOD, GBT_DEGREE, b);
+    gbt_real power[GBT_ORDERS], rest[GBT_STATE][GBT_STATE], h[GBT_PIECE][GBT_PIECE];
+    gbt_taylor(GBT_PERIOD, power);
     for (int i = GBT_PIECES - 1; i >= 0; i--) {
         /* Quadratic model from this piece on; only the lower triangle is kept. */
         for (int a = 0; a < GBT_PIECE; a++)
             for (int c = 0; c <= a; c++) h[a][c] = work->curvature[i][a][c];
-        if (i < GBT_PIECES - 1) add_rest(b, rest, h);
+        if (i < GBT_PIECES - 1) add_rest(power, rest, h);
 
         /* Cholesky factor of its part in the L-th derivative. */
         gbt_real(*factor)[GBT_FLAT] = work->factor[i];
@@ -85,8 +84,8 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
 
 void gbt_newton_step(gbt_workspace *work, gbt_real gradient[][GBT_ORDERS][GBT_FLAT])
 {
-    gbt_real b[GBT_DEGREE][GBT_ORDERS];
-    gbt_taylor(GBT_PERIOD, GBT_DEGREE, b);
+    gbt_real power[GBT_ORDERS];
+    gbt_taylor(GBT_PERIOD, power);
     for (int i = GBT_PIECES - 1; i >= 0; i--) {
         gbt_real *push = work->push[i];
         for (int a = 0; a < GBT_FLAT; a++) push[a] = -gradient[i][GBT_DEGREE][a];
@@ -96,7 +95,7 @@ void gbt_newton_step(gbt_workspace *work, gbt_real gradient[][GBT_ORDERS][GBT_FL
             for (int j = 0; j < GBT_FLAT; j++) {
                 gbt_real slope = gradient[i][o][j];
                 for (int k = 0; k < GBT_FLAT; k++) slope += work->gain[i][k][o * GBT_FLAT + j] * push[k];
-                for (int l = o; l < GBT_ORDERS; l++) gradient[i - 1][l][j] += b[o][l] * slope;
+                for (int k = 0; o + k < GBT_ORDERS; k++) gradient[i - 1][o + k][j] += power[k] * slope;
             }
     }
     for (int o = 0; o < GBT_DEGREE; o++)

@@ -13,6 +13,7 @@
 #define FRACTION ((gbt_real)0.99)       /* of the way to zero that a multiplier may go in one step */
 #define ARMIJO ((gbt_real)1e-4)
 #define SHORTEST ((gbt_real)1e-10)      /* step at which the line search gives up */
+#define MU_LAST ((gbt_real)1e-5)        /* the last mu, at most: where there are few limits */
 #define NEAR_ENOUGH ((gbt_real)20)     /* error over mu at which mu is lowered */
 #define DELTA_FIRST ((gbt_real)1e-3)    /* first multiple of I that is added to an indefinite Hessian */
 #define DELTA_LAST ((gbt_real)1e12)
@@ -176,7 +177,7 @@ static void accept(gbt_workspace *work, gbt_real mu, gbt_real alpha)
 /* Iterates from work->piece; counts into result. */
 static gbt_status minimise(const gbt_settings *settings, gbt_real mu, gbt_workspace *work, gbt_result *result)
 {
-    const gbt_real mu_last = settings->gap / (GBT_COUNT > 0 ? GBT_COUNT : 1);
+    const gbt_real mu_last = fmin(settings->gap / (GBT_COUNT > 0 ? GBT_COUNT : 1), MU_LAST);
     int last = result->iterations + settings->iterations;
     gbt_real delta = 0;
 

@@ -19,7 +19,8 @@ typedef enum {
     GBT_LIMIT_VIOLATED = 1,    /* solved, but the limits cannot all be kept: the plan of least violation */
     GBT_ITERATION_LIMIT = 2,   /* out of iterations; the iterate is finite and can be judged by its violation */
     GBT_NOT_FINITE = 3,        /* an input is NaN or infinite; nothing was done */
-    GBT_NUMERICAL_FAILURE = 4  /* no usable iterate */
+    GBT_NUMERICAL_FAILURE = 4, /* no usable iterate */
+    GBT_BROKEN_BETWEEN_NODES = 5 /* of a plan: solved, but its first piece breaks a limit between the nodes */
 } gbt_status;
 
 typedef struct {

@@ -1,0 +1,12 @@
+/* The last resort: slow down within the limits, without any solver. */
+#ifndef GBT_BRAKING_H
+#define GBT_BRAKING_H
+
+#include "gbt_solver.h"
+
+/* L-th derivatives of a braking trajectory, GBT_PIECES x GBT_FLAT. Each piece takes, of a family of accelerations that
+   runs from drifting (no thrust) to stopping within the piece, the one that ends slowest within the limits; if none
+   keeps them, the one that breaks them least. */
+void gbt_brake(const gbt_real *start, gbt_real *top);
+
+#endif

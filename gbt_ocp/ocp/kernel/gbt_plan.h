@@ -1,0 +1,71 @@
+/* One step of the planner: from a state and a forecast to a plan that may be executed.
+
+       gbt_planner planner;              about GBT_PLANNER_BYTES (see the README); static storage is a good place
+       gbt_plan_init(&planner);
+       for every period:
+           gbt_plan(&planner, state, mean, covariance, desired, &plan);
+           follow plan.thrust[0], or the first piece of the trajectory, for one period
+
+   Every call returns a plan, unless the input is not finite: where the solver fails, the rest of the previous plan, a
+   plan from a cold start, or a braking plan, in this order. plan.piece_violation[0] says whether its first piece keeps
+   the limits. Nothing is allocated, and the number of iterations of the solver is bounded. */
+#ifndef GBT_PLAN_H
+#define GBT_PLAN_H
+
+#include "gbt_solver.h"
+
+#define GBT_TIGHTENINGS 4 /* how often limits may be tightened in one attempt */
+#define GBT_PROFILE 5     /* points of the thrust profile in every piece, both ends included */
+
+typedef enum {
+    GBT_PLANNED = 0,  /* the solver's plan */
+    GBT_SHIFTED = 1,  /* the rest of the previous plan */
+    GBT_COLD = 2,     /* the solver's plan from a cold start, after a warm one failed */
+    GBT_BRAKED = 3,   /* a braking plan */
+    GBT_NO_PLAN = 4   /* the input was not finite */
+} gbt_origin;
+
+typedef struct {
+    gbt_status status;  /* of the solver in its first attempt; GBT_SOLVED is what one hopes for */
+    gbt_origin origin;
+    int iterations;     /* of all attempts */
+    int tightened;      /* how often the first piece broke a limit between the nodes */
+    gbt_real objective; /* without penalty */
+    gbt_real violation; /* of the true limits, on a fine grid of the whole plan, in units of the limits; 0 inside */
+    gbt_real piece_violation[GBT_PIECES];
+    gbt_real top[GBT_PIECES][GBT_FLAT];       /* L-th derivatives of the pieces: with the state, the trajectory */
+    gbt_real endpoints[GBT_PIECES][GBT_FLAT]; /* flat output at the end of each piece */
+    gbt_real rates[GBT_PIECES][GBT_FLAT];     /* and its rate */
+    gbt_real thrust[GBT_PIECES][GBT_PROFILE][GBT_INPUTS];
+} gbt_plan_result;
+
+typedef struct {
+    gbt_settings settings;
+    int warm; /* whether there is a previous plan */
+    gbt_real previous[GBT_PIECES][GBT_FLAT];
+    gbt_real parameters[GBT_PIECES * GBT_PARAMETERS + 1];
+    gbt_workspace work;
+} gbt_planner;
+
+/* Default settings, no previous plan. */
+void gbt_plan_init(gbt_planner *planner);
+
+/* Size of a gbt_planner, for callers that do not see the struct. */
+size_t gbt_planner_bytes(void);
+
+#if GBT_MOMENTS
+/* Plans from the moments of a forecast.
+
+   state        derivatives 0 .. L-1 of the flat output now, GBT_DEGREE x GBT_FLAT
+   mean         of the target's position at the endpoints t + T, t + 2 T, ..., GBT_PIECES x GBT_DIMENSION, m
+   covariance   the same, GBT_PIECES x GBT_DIMENSION x GBT_DIMENSION, m^2
+   desired      desired bearings at the endpoints, unit vectors, GBT_PIECES x GBT_DIMENSION */
+gbt_status gbt_plan(gbt_planner *planner, const gbt_real *state, const gbt_real *mean, const gbt_real *covariance,
+                    const gbt_real *desired, gbt_plan_result *plan);
+#endif
+
+/* The same from the parameters of the objective, GBT_PIECES x GBT_PARAMETERS. */
+gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, const gbt_real *parameters,
+                               gbt_plan_result *plan);
+
+#endif
