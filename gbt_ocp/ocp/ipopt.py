@@ -24,29 +24,56 @@ DEFAULT_OPTIONS: dict[str, Any] = {
     "max_iter": 300,
 }
 
+PENALTY_FORMS = ("elastic", "printed")
+"""How IPOPT is given a penalty: with its kinks as constraints (the same minimisers), or as the paper prints it."""
+
 
 class IpoptSolver:
     """The nonlinear program solved by IPOPT with exact derivatives.
 
-    A penalty is solved directly from a warm start. Cold, or where that fails, it is reached through the stages of
-    :func:`gbt_ocp.ocp.penalty.continuation`, each from the solution of the one before.
+    Newton's method stalls on the narrow kinks of the penalty. By default they are therefore told to IPOPT as
+    constraints (:attr:`~gbt_ocp.ocp.transcription.Transcription.elastic_nlp`): the same minimisers in a few dozen
+    iterations. Whatever the form, a cold or failed solve of a penalty goes through the stages of
+    :func:`gbt_ocp.ocp.penalty.continuation` if the direct one fails, each from the solution of the one before; the
+    printed form takes them at once when cold.
 
     Parameters
     ----------
     problem
         What to solve.
     options
-        IPOPT options that replace or join :data:`DEFAULT_OPTIONS`.
+        ``penalty``: one of :data:`PENALTY_FORMS`. All others are IPOPT's and replace or join
+        :data:`DEFAULT_OPTIONS`.
+
+    Raises
+    ------
+    ValueError
+        If the form of the penalty is unknown.
     """
 
     name = "ipopt"
 
     def __init__(self, problem: TrajectoryProblem, options: Mapping[str, Any]) -> None:
+        own = dict(options)
+        form = own.pop("penalty", PENALTY_FORMS[0])
+        if form not in PENALTY_FORMS:
+            raise ValueError(f"solver_options.penalty: found {form!r}; allowed: {', '.join(PENALTY_FORMS)}")
         self._problem = problem
-        self._program = transcribe(problem)
+        self._program = program = transcribe(problem)
         self._binding = Binding(problem)
-        settings = {"expand": True, "print_time": False, "error_on_fail": False}
-        self._solver = ca.nlpsol("planner", "ipopt", self._program.nlp, settings | {"ipopt": DEFAULT_OPTIONS | dict(options)})
+        self._elastic = form == "elastic" and bool(problem.penalties)
+        self._slacks = program.excess.numel() if self._elastic else 0
+        self._excess = ca.Function("excess", [program.variables, program.parameters], [program.excess, program.width])
+        self._solver = ca.nlpsol(
+            "planner",
+            "ipopt",
+            program.elastic_nlp if self._elastic else program.nlp,
+            {"expand": True, "print_time": False, "error_on_fail": False, "ipopt": DEFAULT_OPTIONS | own},
+        )
+        free = np.full(program.variables.numel(), np.inf)
+        none = np.full(self._slacks, np.inf)
+        self._least = np.concatenate([-free, np.zeros(self._slacks), -none])
+        self._unbounded = none
 
     def _solve_once(
         self, start: Array, objectives: list[Array], guess: Array, stage: list[tuple[float, float]], tightening: float
@@ -55,14 +82,21 @@ class IpoptSolver:
         inside = tightening * program.scale
         if np.any(program.lower + inside > program.upper - inside):
             return Solution(guess, False, "limits tightened away", 0)
+        parameters = self._binding.vector(start, objectives, stage, tightening)
+        first = guess.ravel()
+        if self._elastic:
+            excess, width = (np.asarray(part).ravel() for part in self._excess(first, parameters))
+            square = np.clip(excess + width, 0.0, 2.0 * width)
+            first = np.concatenate([first, np.maximum(excess + width - square, 0.0), square])
         found = self._solver(
-            x0=guess.ravel(),
-            p=self._binding.vector(start, objectives, stage, tightening),
-            lbg=program.lower + inside,
-            ubg=program.upper - inside,
+            x0=first,
+            p=parameters,
+            lbx=self._least,
+            lbg=np.concatenate([program.lower + inside, np.zeros(self._slacks)]),
+            ubg=np.concatenate([program.upper - inside, self._unbounded]),
         )
         stats = self._solver.stats()
-        variables = np.asarray(found["x"]).reshape(guess.shape)
+        variables = np.asarray(found["x"]).ravel()[: guess.size].reshape(guess.shape)
         solved = bool(stats["success"]) and bool(np.all(np.isfinite(variables)))
         status = "solved" if solved else str(stats["return_status"])
         return Solution(variables, solved, status, int(stats["iter_count"]))
@@ -74,7 +108,7 @@ class IpoptSolver:
         penalties = self._problem.penalties
         final = [(soft.width, soft.weight) for soft in penalties]
         iterations = 0
-        if not penalties or not cold:
+        if self._elastic or not penalties or not cold:
             solution = self._solve_once(start, list(objectives), guess, final, tightening)
             if solution.solved or not penalties:
                 return solution

@@ -74,13 +74,16 @@ class Transcription:
     """The nonlinear program ``min objective + penalty`` subject to ``lower <= limits <= upper``.
 
     ``variables`` is u, column by column ``(n p,)``; ``parameters`` stacks the start, the parameters of the objectives,
-    and (ϖ, w_p, tightening) of each penalty.
+    and (ϖ, w_p, tightening) of each penalty. The penalty is ``Σ cost g(excess)`` with g of half width ``width``.
     """
 
     variables: ca.MX
     parameters: ca.MX
     objective: ca.MX
     penalty: ca.MX
+    excess: ca.MX
+    cost: ca.MX
+    width: ca.MX
     limits: ca.MX
     lower: Array
     upper: Array
@@ -90,6 +93,23 @@ class Transcription:
     def nlp(self) -> dict[str, ca.MX]:
         """The program in CasADi's form."""
         return {"x": self.variables, "p": self.parameters, "f": -self.objective + self.penalty, "g": self.limits}
+
+    @property
+    def elastic_nlp(self) -> dict[str, ca.MX]:
+        """The same program with the kinks of the penalty told as constraints, which Newton's method can follow.
+
+        The smoothed hinge is the infimal convolution of a hinge and a square:
+        ``g(y) = min s + e²/(4ϖ)`` over ``s >= 0, e`` with ``s + e >= y + ϖ``. So with s and e as further unknowns
+        (after u, in this order) and those inequalities after the limits, the minimisers u are the same.
+        """
+        size = self.excess.numel()
+        s, e = ca.MX.sym("s", size), ca.MX.sym("e", size)
+        return {
+            "x": ca.vertcat(self.variables, s, e),
+            "p": self.parameters,
+            "f": -self.objective + ca.dot(self.cost, s + e**2 / (4.0 * self.width)),
+            "g": ca.vertcat(self.limits, s + e - self.excess - self.width),
+        }
 
 
 def transcribe(problem: TrajectoryProblem) -> Transcription:
@@ -114,7 +134,7 @@ def transcribe(problem: TrajectoryProblem) -> Transcription:
         parameters.append(ca.vec(values))
         objective += ca.sum2(function.map(p)(*at(np.array([problem.period])), values))
 
-    penalty = ca.MX(0)
+    excesses, costs, widths = [], [], []
     for soft in problem.penalties:
         settings = ca.MX.sym("penalty", 3)
         parameters.append(settings)
@@ -131,7 +151,10 @@ def transcribe(problem: TrajectoryProblem) -> Transcription:
                 # no broadcasting of columns in CasADi: the bound is repeated for every node
                 excess = sign * (values[rows, :] - ca.repmat(ca.DM(bound[rows]), 1, values.size2()))
                 excess += ca.repmat(inside[rows], 1, values.size2())
-                penalty += weight * ca.mtimes(ca.sum1(smoothed_hinge(excess, width)), weights)
+                excesses.append(ca.vec(excess))
+                costs.append(weight * ca.vec(ca.repmat(weights.T, len(rows), 1)))
+                widths.append(ca.repmat(width, excess.numel(), 1))
+    excess, cost, width = (ca.vertcat(*parts) if parts else ca.MX(0, 1) for parts in (excesses, costs, widths))
 
     limits, lower, upper, scale = [], [], [], []
     for limit in problem.hard:
@@ -147,7 +170,10 @@ def transcribe(problem: TrajectoryProblem) -> Transcription:
         variables,
         ca.vertcat(*parameters),
         objective,
-        penalty,
+        ca.dot(cost, smoothed_hinge(excess, width)),
+        excess,
+        cost,
+        width,
         ca.vertcat(*limits) if limits else ca.MX(0, 1),
         np.concatenate(lower or empty),
         np.concatenate(upper or empty),
