@@ -1,8 +1,13 @@
 """Trajectory optimisation for bearing-only target tracking: optimal control on CasADi with a Gaussian-process tracker.
 
+In short::
+
     import gbt_ocp as gbt
     result = gbt.run("case2")
     result.summary["error_settled"]
+
+The matrices are small, and threads slow small matrices down: set ``OPENBLAS_NUM_THREADS=1`` before numpy is imported
+(``gbt-ocp`` does so by itself).
 """
 
 from __future__ import annotations

@@ -13,12 +13,21 @@ import sys
 import traceback
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
+
+# The matrices are small (20 to 60 rows): handing them to several threads costs many times what it saves. The BLAS
+# libraries read these when numpy is imported, which the next imports do. What the user has set stays.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("MKL_NUM_THREADS", "1")
 
 from gbt_ocp.experiments import catalogue
 from gbt_ocp.experiments.configuration import GUIDANCE_LAWS, SOLVERS, TRACKERS, Configuration, schema
 from gbt_ocp.experiments.faults import ConfigurationError
 from gbt_ocp.experiments.loading import load_config
+
+if TYPE_CHECKING:
+    from gbt_ocp.experiments.result import Result
 
 DONE, PROGRAM_FAULT, WRONG_INPUT, LIMIT_BROKEN, INTERRUPTED = 0, 1, 2, 3, 4
 
@@ -82,6 +91,16 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--quiet", action="store_true", help="show no progress")
     run.set_defaults(subcommand=_run)
 
+    codegen = commands.add_parser("codegen", help="write the planner of an experiment as C that stands alone")
+    codegen.add_argument("config", metavar="CONFIG", help="a shipped configuration or a YAML file")
+    codegen.add_argument("--out", metavar="DIR", type=Path, required=True, help="a new or empty folder")
+    codegen.add_argument(
+        "--set", metavar="KEY.PATH=VALUE", nargs="+", action="extend", default=[], help="replace single keys"
+    )
+    codegen.add_argument("--solver", choices=("compiled", "ipopt"), default="compiled", help="what solves it in C")
+    codegen.add_argument("--verify", action="store_true", help="build it, run its recorded steps, make it fail")
+    codegen.set_defaults(subcommand=_codegen)
+
     commands.add_parser("schema", help="print the JSON schema of the YAML, for editors").set_defaults(
         subcommand=_schema
     )
@@ -109,18 +128,44 @@ def _run(arguments: argparse.Namespace) -> int:
     result = run(configuration, progress=not arguments.quiet)
     out = out or _new_folder(configuration)
     try:
-        result.save(out, figures=not arguments.no_figures)
+        drawn = _save(result, out, figures=not arguments.no_figures)
     except OSError as fault:
         raise ConfigurationError(
             [f"--out: found {out}, which cannot be written ({fault}); allowed: a writable folder"]
         ) from fault
     _print_summary(result.summary)
     print(f"\n{out}")
-    violation = float(result.summary["violation_max"])
+    kept = _limits_kept(result.summary["violation_max"])
+    if not drawn:
+        return PROGRAM_FAULT
+    return DONE if kept else LIMIT_BROKEN
+
+
+def _save(result: Result, out: Path, *, figures: bool) -> bool:
+    """Write the run folder, if need be without its figures; whether that was not needed."""
+    try:
+        result.save(out, figures=figures)
+    except OSError:
+        raise
+    except Exception as fault:
+        if not figures:
+            raise
+        # A run may have taken long: a fault in drawing must not cost its results.
+        result.save(out, figures=False)
+        print(f"figures: not drawn ({type(fault).__name__}: {fault}); the results are kept", file=sys.stderr)
+        return False
+    return True
+
+
+def _limits_kept(violation: float | None) -> bool:
+    """Whether the thrust kept its limits; says so on standard error if not."""
+    if violation is None:
+        print("the thrust limits count as broken: the thrust is not a finite number", file=sys.stderr)
+        return False
     if violation > VIOLATION_TOLERANCE:
         print(f"the thrust limits were broken by {violation:.3g} of the limit", file=sys.stderr)
-        return LIMIT_BROKEN
-    return DONE
+        return False
+    return True
 
 
 def _new_folder(configuration: Configuration) -> Path:
@@ -131,6 +176,43 @@ def _new_folder(configuration: Configuration) -> Path:
         count += 1
         folder = Path("runs") / f"{base}-{count}"
     return folder
+
+
+def _codegen(arguments: argparse.Namespace) -> int:
+    configuration = load_config(arguments.config, overrides=arguments.set)
+
+    from gbt_ocp.experiments.build import build_problem, build_vehicle
+    from gbt_ocp.ocp.codegen.building import CompilerError
+    from gbt_ocp.ocp.codegen.folder import write_folder
+    from gbt_ocp.ocp.codegen.ipopt_source import write_ipopt_folder
+    from gbt_ocp.ocp.codegen.verification import verify_folder
+
+    section, solver = configuration.planner, arguments.solver
+    problem = build_problem(configuration, build_vehicle(configuration))
+    # Options are those of the solver that the configuration names.
+    named = "compiled" if section.solver == "auto" else section.solver
+    options = section.solver_options if named == solver else {}
+    if arguments.verify and solver != "compiled":
+        raise ConfigurationError(["--verify: found --solver ipopt; allowed: --solver compiled"])
+    try:
+        write = write_folder if solver == "compiled" else write_ipopt_folder
+        write(problem, options, arguments.out)
+    except (FileExistsError, CompilerError) as fault:
+        raise ConfigurationError([f"--out: {fault}"]) from fault
+    except OSError as fault:
+        raise ConfigurationError(
+            [f"--out: found {arguments.out}, which cannot be written ({fault}); allowed: a writable folder"]
+        ) from fault
+    except ValueError as fault:
+        raise ConfigurationError([f"{arguments.config}: planner: {fault}"]) from fault
+    print(arguments.out)
+    if not arguments.verify:
+        return DONE
+    found = verify_folder(arguments.out)
+    for line in found.faults:
+        print(line, file=sys.stderr)
+    print(f"{found.vectors} recorded steps, largest difference {found.difference:.3g}, {len(found.faults)} faults")
+    return LIMIT_BROKEN if found.faults else DONE
 
 
 _SHOWN = {

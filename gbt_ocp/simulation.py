@@ -144,6 +144,12 @@ Progress = Callable[[int, float, float], None]
 """Called after each step with its number, the mean error in metres, and the solver's time in seconds."""
 
 
+def step_count(duration: float, period: float) -> int:
+    """Steps of a run: the first at t = 0, the last at the last whole period within the duration (both in seconds)."""
+    # a tenth is no binary number: 0.3/0.1 is a little less than 3
+    return int(duration / period + 1e-6) + 1
+
+
 def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Progress | None = None) -> Recording:
     """Run the closed loop.
 
@@ -154,7 +160,7 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
     start
         Derivatives 0 … L-1 of the flat output at t = 0 ``(L, n)``.
     duration
-        In seconds; there are ``round(duration/T) + 1`` steps, the first at t = 0 and the last at the end.
+        In seconds; see :func:`step_count`.
     progress
         Called after each step.
     """
@@ -164,7 +170,7 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
     state = vehicle.state(flat[0], flat[1])
     rows: list[dict[str, Any]] = []
     tightened = 0
-    for k in range(round(duration / period) + 1):
+    for k in range(step_count(duration, period)):
         t = k * period
         times = t + period * np.arange(loop.forecast + 1)
         truth = loop.target.position(times)
@@ -202,7 +208,7 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
         }
         if isinstance(decision, Plan):
             tightened += decision.tightened
-        rows.append(row | _solver_columns(decision, vehicle.flat_dimension))
+        rows.append(row | _solver_columns(decision, vehicle))
         if progress is not None:
             progress(k, float(np.mean(row["error"])), rows[-1]["solver_time"])
         flat, state = move.flat, move.state
@@ -210,9 +216,10 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
     return Recording(arrays, tightened, loop.tracker.nugget_retries)
 
 
-def _solver_columns(decision: Plan | Array, size: int) -> dict[str, Any]:
+def _solver_columns(decision: Plan | Array, vehicle: Vehicle) -> dict[str, Any]:
     """What is recorded of a plan; neutral entries where no problem was solved."""
     if isinstance(decision, Plan):
+        ends = decision.trajectory.knots[1:]
         return {
             "objective": decision.objective,
             "violation": decision.violation,
@@ -220,7 +227,8 @@ def _solver_columns(decision: Plan | Array, size: int) -> dict[str, Any]:
             "solver_iterations": decision.iterations,
             "solver_time": decision.solve_time,
             "fallback": decision.fallback,
-            "plan": decision.endpoints,
+            # as poses: the flat output of a vehicle need not be one
+            "plan": np.array([vehicle.pose(vehicle.state(end[0], end[1])) for end in ends]),
         }
     return {
         "objective": np.nan,
@@ -229,5 +237,5 @@ def _solver_columns(decision: Plan | Array, size: int) -> dict[str, Any]:
         "solver_iterations": 0,
         "solver_time": np.nan,
         "fallback": "",
-        "plan": np.zeros((0, size)),
+        "plan": np.zeros((0, vehicle.position_dimension + 1)),
     }

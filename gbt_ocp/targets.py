@@ -159,7 +159,9 @@ class TrackTarget:
         if not (np.all(np.isfinite(t)) and np.all(np.isfinite(p)) and np.all(np.diff(t) > 0.0)):
             raise ValueError("a track needs finite numbers and strictly increasing times")
         if not 0.0 <= start_time < t[-1] - t[0]:
-            raise ValueError(f"start_time must lie within the {t[-1] - t[0]:.6g} s of the track, found {start_time:.6g}")
+            raise ValueError(
+                f"start_time must lie within the {t[-1] - t[0]:.6g} s of the track, found {start_time:.6g}"
+            )
         self._spline = CubicSpline((t - t[0] - start_time) * time_scale, p * length_scale, extrapolate=False)
         self._shift = np.zeros(p.shape[1])
         if start is not None:
@@ -222,6 +224,7 @@ class TrackTarget:
         position = self._spline(np.asarray(times, dtype=float))
         if not np.all(np.isfinite(position)):
             raise ValueError(
-                f"the track lasts from 0 to {self.duration:.6g} s, asked for {np.min(times):.6g} to {np.max(times):.6g} s"
+                f"the track lasts from 0 to {self.duration:.6g} s, "
+                f"asked for {np.min(times):.6g} to {np.max(times):.6g} s"
             )
         return np.asarray(position + self._shift)

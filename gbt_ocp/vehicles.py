@@ -122,7 +122,7 @@ class FossenParameters:
         """Diagonal of M, rigid body plus added mass ``(n,)``."""
         rigid = np.full(len(self.added_mass), self.mass)
         rigid[-1] = self.inertia
-        return rigid - np.asarray(self.added_mass, dtype=float)
+        return np.asarray(rigid - np.asarray(self.added_mass, dtype=float))
 
 
 FALCON_2D = FossenParameters(116.0, 13.1, (-167.6, -477.2, -15.9), (26.9, 35.8, 3.5), (241.3, 503.8, 76.9))

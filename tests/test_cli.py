@@ -14,12 +14,16 @@ from gbt_ocp.experiments.faults import ConfigurationError
 class Result:
     """A finished run in place of the simulation."""
 
+    undrawable = False
+
     def __init__(self, configuration, violation=0.0):
         self.configuration = configuration
         self.summary = {"error_settled": 0.0123456, "violation_max": violation, "steps": 300}
 
     def save(self, out, figures):
         out = Path(out)
+        if figures and self.undrawable:
+            raise ValueError("no such colour")
         out.mkdir(parents=True, exist_ok=True)
         (out / "config.yaml").write_text(self.configuration.to_yaml())
         (out / f"figures-{figures}").touch()
@@ -118,12 +122,48 @@ def test_wrong_arguments_are_one_line(runs, capsys, arguments, says):
     assert out == ""
 
 
-@pytest.mark.parametrize(("violation", "code"), [(0.0, 0), (1e-10, 0), (2e-9, 3), (0.5, 3)])
+@pytest.mark.parametrize(("violation", "code"), [(0.0, 0), (1e-10, 0), (2e-9, 3), (0.5, 3), (None, 3)])
 def test_a_broken_limit_is_exit_3_and_the_folder_is_kept(runs, capsys, violation, code):
     runs.violation = violation
     assert cli.main(["run", "case1", "--out", "kept"]) == code
     assert Path("kept/config.yaml").exists()
-    assert ("limits were broken" in capsys.readouterr().err) is (code == 3)
+    assert ("broken" in capsys.readouterr().err) is (code == 3)
+
+
+def test_figures_that_cannot_be_drawn_do_not_cost_the_results(runs, capsys, monkeypatch):
+    monkeypatch.setattr(Result, "undrawable", True)
+    assert cli.main(["run", "case1", "--out", "kept"]) == 1
+    assert sorted(path.name for path in Path("kept").iterdir()) == ["config.yaml", "figures-False"]
+    out, err = capsys.readouterr()
+    assert err == "figures: not drawn (ValueError: no such colour); the results are kept\n"
+    assert out.endswith("\nkept\n")
+
+
+@pytest.mark.parametrize("given", [None, "3"])
+def test_linear_algebra_has_one_thread_unless_the_user_says_otherwise(given):
+    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+    environment = {key: value for key, value in os.environ.items() if key not in names}
+    if given is not None:
+        environment |= dict.fromkeys(names, given)
+    # The value at the moment numpy is first looked for is the one that counts.
+    script = (
+        "import os, sys\n"
+        "class Watch:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name == 'numpy':\n"
+        f"            print(*(os.environ.get(key) for key in {names}))\n"
+        "sys.meta_path.insert(0, Watch())\n"
+        "import gbt_ocp.cli\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=Path(__file__).parents[1],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split() == [given or "1"] * 3
 
 
 def test_interruption_is_exit_4(runs, capsys):

@@ -1,6 +1,6 @@
 """Where the paper is silent or misprinted: one test a row of the table, each of which fails on the misprint.
 
-E11 (how the vehicle follows the plan) belongs to the simulation, theorem 2 of E13 to the coregionalised tracker.
+Theorem 2 of E13 belongs to the coregionalised tracker.
 """
 
 import casadi as ca
@@ -18,8 +18,10 @@ from gbt_ocp.experiments.result import summarise
 from gbt_ocp.ocp import FlatTrajectory, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.objectives import BearingSimilarity, sigma_points, sigma_weights
 from gbt_ocp.ocp.penalty import smoothed_hinge
+from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.problem import PenaltyLimit
 from gbt_ocp.ocp.transcription import transcribe
+from gbt_ocp.simulation import Mover
 from gbt_ocp.targets import case_target
 from gbt_ocp.tracking.bounds import bearing_bound
 from gbt_ocp.tracking.kernels import KERNELS
@@ -190,6 +192,32 @@ def test_e10_tracking_error_is_the_mean_over_the_forecast_whole_and_settled():
     assert summary["error_median"] == pytest.approx(np.median(each))
     # Start-up weighs: the two are not the same number.
     assert summary["error_mean"] > 1.5 * summary["error_settled"]
+
+
+@pytest.mark.parametrize(("surge", "within"), [(5.0, True), (40.0, False)])
+def test_e11_the_vehicle_follows_the_flat_output_or_its_dynamics_within_the_limits(surge, within):
+    period, yaw = 0.1, 0.7
+    start = np.array([[1.0, -2.0, yaw], [0.3, 0.1, 0.4]])
+    top = np.array([[surge * np.cos(yaw), surge * np.sin(yaw), 2.0]])
+    plan = Plan(FlatTrajectory(period, start, top), "solved", 0.0, 0.0, np.zeros(1), 1, 0.0)
+    planned = start[0] + period * start[1] + 0.5 * period**2 * top[0]
+
+    exact = Mover(FALCON, period, "exact").follow(plan)
+    np.testing.assert_allclose(exact.flat, [planned, start[1] + period * top[0]], rtol=1e-12)
+    assert bool(exact.thrust_peak.max() <= 1.0) is within
+
+    moved = Mover(FALCON, period, "dynamics").follow(plan)
+    thrust, limit = flat_inputs(FALCON), FALCON.thrust_max
+
+    def rates(s, x):
+        point = (start[0] + s * start[1] + 0.5 * s**2 * top[0], start[1] + s * top[0], top[0])
+        return FALCON.rates(x, np.clip(thrust(*point), -limit, limit))
+
+    end = solve_ivp(rates, (0.0, period), FALCON.state(*start), rtol=1e-10, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose(moved.state, end, atol=1e-4)  # the corner of the clipped thrust lies between samples
+    # The difference between the two is what the limits take away.
+    assert bool(np.abs(moved.flat[0] - planned).max() < 1e-5) is within
+    assert moved.thrust_peak.max() <= 1.0
 
 
 def test_e12_the_root_of_the_covariance_is_the_symmetric_one_and_survives_round_off():

@@ -147,9 +147,6 @@ def test_without_a_previous_plan_a_failure_ends_in_braking():
     assert plan.violation == 0.0
 
 
-@pytest.mark.xfail(
-    strict=True, reason="a cold first attempt that failed is repeated word for word as the cold fallback"
-)
 def test_a_cold_solve_that_failed_is_not_repeated():
     planner, script = planner_with(failed("first"), failed("second"))
     planner.solve(MOVING, **numbers())
@@ -278,9 +275,6 @@ def test_a_solution_that_is_no_number_is_never_executed():
     assert np.all(np.isfinite(second.trajectory.top))
 
 
-@pytest.mark.xfail(
-    strict=True, reason="a solution said to be solved that is no number is the guess of the tightened solve"
-)
 def test_a_solution_that_is_no_number_is_never_a_guess():
     nan = solved(np.full((PIECES, 3), np.nan))
     planner, script = planner_with(solved(FINE), *[nan] * (2 * TIGHTENINGS + 2))
@@ -289,9 +283,6 @@ def test_a_solution_that_is_no_number_is_never_a_guess():
     assert all(np.all(np.isfinite(asked["guess"])) for asked in script.asked)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="tightened by the whole limit the bounds cross, and CasADi's exception comes out"
-)
 def test_a_tightening_beyond_the_limits_is_a_failed_solve():
     planner = posed().compile("ipopt")
     parameters = planner._binding.objective_parameters(numbers())

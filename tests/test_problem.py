@@ -53,7 +53,7 @@ def by_hand(numbers, ends, dimension):
     for mean, covariance, desired, own in zip(*numbers["forecast"], numbers["desired"], ends, strict=True):
         line = sigma_points(mean, covariance, 1.0) - own[:dimension]
         total += sigma_weights(dimension, 1.0) @ (line @ desired / np.linalg.norm(line, axis=1))
-        total -= 0.2 * np.log1p(np.exp(np.linalg.norm(mean - own[:dimension]) - 1.0))
+        total -= 0.02 * np.log1p(np.exp((np.linalg.norm(mean - own[:dimension]) - 1.0) / 0.1))
     return total
 
 
@@ -175,7 +175,7 @@ def brute_force(vehicle, period, origin, numbers):
         end = (z + period * dz + 0.5 * period**2 * a)[:2].T
         line = points - end[:, None, :]
         similarity = (line @ numbers["desired"][0] / np.linalg.norm(line, axis=2)) @ sigma_weights(2, 1.0)
-        value = similarity - 0.2 * np.logaddexp(0.0, np.linalg.norm(points[0] - end, axis=1) - 1.0)
+        value = similarity - 0.02 * np.logaddexp(0.0, (np.linalg.norm(points[0] - end, axis=1) - 1.0) / 0.1)
         for s in np.linspace(0.0, period, 5):
             thrust_there = np.asarray(inputs(z + s * dz + 0.5 * s * s * a, dz + s * a, a))
             value[np.any(np.abs(thrust_there) > vehicle.thrust_max[:, None], axis=0)] = -np.inf
@@ -335,7 +335,7 @@ def test_a_problem_is_a_value():
         (lambda: TrajectoryProblem(PLANAR, 3, 0.0), "period must be positive, found 0.0"),
         (lambda: TrajectoryProblem(PLANAR, 3, np.nan), "period must be positive"),
         (lambda: TrajectoryProblem(PLANAR, 3, 0.1).compile(), "no objective"),
-        (lambda: bearing_problem(PLANAR).compile("simplex"), "found 'simplex'; allowed: auto, ipopt"),
+        (lambda: bearing_problem(PLANAR).compile("simplex"), "found 'simplex'; allowed: auto, compiled, ipopt"),
         (lambda: bearing_problem(PLANAR).subject_to(ThrustLimit(PLANAR), nodes=0), "nodes must be at least 1"),
         (lambda: bearing_problem(PLANAR).subject_to_penalty(ThrustLimit(PLANAR), nodes=0), "nodes must be at least 1"),
         (lambda: bearing_problem(PLANAR).subject_to_penalty(ThrustLimit(PLANAR), width=0.0), "must be positive"),

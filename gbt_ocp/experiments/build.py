@@ -171,14 +171,30 @@ def build_start(configuration: Configuration, vehicle: Vehicle, rng: np.random.G
     return flat
 
 
+def _check_own(configuration: Configuration, target: Target, vehicle: Vehicle) -> None:
+    """Refuse a problem's own target or vehicle that does not fit the problem, before it fails far from its cause."""
+    wanted = configuration.dimension
+    found = np.shape(target.position(np.zeros(2)))
+    if found != (2, wanted):
+        raise ValueError(f"target: position of 2 times has shape {found}; allowed: {(2, wanted)}, (K, d)")
+    if target.dimension != wanted:
+        raise ValueError(f"target: found dimension {target.dimension}; allowed: {wanted}, the problem's")
+    if vehicle.position_dimension != wanted:
+        raise ValueError(
+            f"vehicle: found position_dimension {vehicle.position_dimension}; allowed: {wanted}, the problem's"
+        )
+
+
 def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
     """The closed loop of a configuration, and where the vehicle starts ``(L, n)``."""
     streams = Streams.of(configuration.seed)
     vehicle = build_vehicle(configuration)
+    target = build_target(configuration)
+    _check_own(configuration, target, vehicle)
     desired = build_desired_bearing(configuration)
     start = build_start(configuration, vehicle, streams.start)
     loop = ClosedLoop(
-        target=build_target(configuration),
+        target=target,
         sensor=build_sensor(configuration),
         tracker=build_tracker(configuration, start[0, : configuration.dimension]),
         guidance=build_guidance(configuration, vehicle, desired, streams.guidance),

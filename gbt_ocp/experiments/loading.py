@@ -28,7 +28,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "planner": {"range_pull": 0.0},
     },
 }
-"""What a preset fills in (DESIGN E7, E8); `default` is the defaults of the models."""
+"""What a preset fills in (docs/paper.md, E7 and E8); `default` is the defaults of the models."""
 
 _DIMENSION_DEFAULTS: dict[int, dict[str, Any]] = {
     2: {

@@ -70,8 +70,10 @@ class History:
     ----------
     t
         Times t_k, ``(K,)``, s.
-    vehicle_pose, vehicle_velocity
-        Flat output z = [P_A, ψ] and its rate, earth frame, ``(K, d+1)``; m and rad, m/s and rad/s.
+    vehicle_pose
+        Position P_A and yaw ψ, earth frame, ``(K, d+1)``; m and rad.
+    vehicle_velocity
+        Body-frame ν: surge, sway, (heave,) yaw rate, ``(K, d+1)``; m/s and rad/s.
     thrust
         Body-frame τ at t_k, the start of the executed piece, ``(K, d+1)``; N, and N m for yaw.
     piece_thrust_peak

@@ -15,7 +15,7 @@ from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.experiments.faults import ConfigurationError
 from gbt_ocp.experiments.loading import load_config
 from gbt_ocp.experiments.result import History, Result, installed_versions, summarise
-from gbt_ocp.simulation import simulate
+from gbt_ocp.simulation import simulate, step_count
 
 
 def run(
@@ -55,7 +55,7 @@ def run(
         raise ConfigurationError([f"{configuration.name}: {fault}"]) from fault
 
     period = configuration.sensor.period_s
-    steps = round(configuration.duration_s / period) + 1
+    steps = step_count(configuration.duration_s, period)
     with tqdm(total=steps, disable=not progress, file=sys.stderr, unit="step", desc=configuration.name) as bar:
 
         def show(step: int, error: float, solver_time: float) -> None:
@@ -73,4 +73,6 @@ def run(
         retries={"tightened": recording.tightened, "nugget": recording.nugget_retries},
         versions=installed_versions(),
     )
+    # the limits of a problem's own vehicle stand nowhere in its configuration
+    summary["thrust_max"] = loop.vehicle.thrust_max.tolist()
     return Result(configuration, history, summary)

@@ -31,10 +31,18 @@ class ConstantForce:
         Whose limits the thrust is clipped to.
     force
         τ ``(m,)`` in N and N m; the paper's is 500 N on each axis and no moment.
+
+    Raises
+    ------
+    ValueError
+        If the force does not have one finite number for each input of the vehicle.
     """
 
     def __init__(self, vehicle: Vehicle, force: ArrayLike) -> None:
-        self._thrust = np.clip(np.asarray(force, dtype=float), -vehicle.thrust_max, vehicle.thrust_max)
+        limit, given = vehicle.thrust_max, np.asarray(force, dtype=float)
+        if given.shape != limit.shape or not np.all(np.isfinite(given)):
+            raise ValueError(f"guidance.force: found {given.tolist()}; allowed: {limit.size} finite numbers")
+        self._thrust: Array = np.clip(given, -limit, limit)
 
     def decide(self, time: float, flat: Array, forecast: Forecast) -> Array:
         """The constant thrust."""

@@ -40,9 +40,9 @@ class CompiledOptions:
     limit_weight
         c: weight of the l1 penalty that imposes the hard limits, exact while their multipliers stay below it.
     iterations
-        Iterations of one start before another one is tried.
+        Iterations of one start before another one is tried; by default 12 a piece, at least 60.
     deadline
-        Iterations of all starts together; the last iterate can still be judged.
+        Iterations of all starts together, by default five times as many; the last iterate can still be judged.
     """
 
     tolerance: float = 1.0e-4
@@ -54,8 +54,8 @@ class CompiledOptions:
     deadline: int = 300
 
     @classmethod
-    def checked(cls, options: Mapping[str, Any]) -> CompiledOptions:
-        """From a mapping.
+    def checked(cls, options: Mapping[str, Any], pieces: int) -> CompiledOptions:
+        """From a mapping, for a problem with so many pieces.
 
         Raises
         ------
@@ -70,7 +70,8 @@ class CompiledOptions:
             number = isinstance(value, int if whole else int | float) and not isinstance(value, bool)
             if not (number and 0.0 < value < np.inf):
                 raise ValueError(f"solver_options.{key}: found {value!r}; allowed: a positive {'whole ' * whole}number")
-        return cls(**options)
+        iterations = options.get("iterations", max(60, 12 * pieces))
+        return cls(**{"iterations": iterations, "deadline": 5 * iterations, **options})
 
 
 class _Settings(ctypes.Structure):
@@ -134,7 +135,7 @@ class CompiledSolver:
 
     def __init__(self, problem: TrajectoryProblem, options: Mapping[str, Any]) -> None:
         self._made_from = (problem, dict(options))
-        self._settings = _Settings(**asdict(CompiledOptions.checked(options)))
+        self._settings = _Settings(**asdict(CompiledOptions.checked(options, problem.pieces)))
         self.library = build_library(kernel_files() | generate_problem(problem).files)
         kernel = ctypes.CDLL(str(self.library))
         kernel.gbt_workspace_bytes.restype = ctypes.c_size_t

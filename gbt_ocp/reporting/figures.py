@@ -39,9 +39,9 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
     history
         The run.
     configuration
-        The mapping of ``config.yaml``; read are ``sensor.period_s`` and ``vehicle.thrust_max``.
+        The mapping of ``config.yaml``; read are ``sensor.period_s`` and, failing the summary, ``vehicle.thrust_max``.
     summary
-        The mapping of ``summary.json``; read is ``settling_s``.
+        The mapping of ``summary.json``; read are ``settling_s`` and ``thrust_max``.
 
     Returns
     -------
@@ -54,7 +54,9 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
         If a value is missing in the configuration, or does not fit the history.
     """
     period = float(_value(configuration, "sensor", "period_s"))
-    thrust_max = np.asarray(_value(configuration, "vehicle", "thrust_max"), dtype=float)
+    # the configuration of a problem's own vehicle does not know its limits, the summary does
+    limits = summary.get("thrust_max") or _value(configuration, "vehicle", "thrust_max")
+    thrust_max = np.asarray(limits, dtype=float)
     axes_count = history.thrust.shape[1]
     if thrust_max.shape != (axes_count,):
         raise ValueError(f"vehicle.thrust_max: found {thrust_max.tolist()}; allowed: {axes_count} numbers")

@@ -93,13 +93,17 @@ class GaussianProcessTracker:
 
         shapes = len(self._kernel.names) - 1
         self._bounds = [
-            np.log(self.length_scale_bounds if length_scale is None else (length_scale,) * 2),
-            *[np.log(SHAPE_BOUNDS)] * shapes,
-            np.log(self.amplitude_bounds if amplitude is None else (amplitude,) * 2),
+            _log_pair(self.length_scale_bounds if length_scale is None else (length_scale, length_scale)),
+            *[_log_pair(SHAPE_BOUNDS)] * shapes,
+            _log_pair(self.amplitude_bounds if amplitude is None else (amplitude, amplitude)),
         ]
         # The paper's tuning is plain maximum likelihood; priors come with the amplitude, which it does not tune.
         weak = amplitude is None
-        self._priors = [self.length_scale_prior if weak else None, *[None] * shapes, self.amplitude_prior if weak else None]
+        self._priors = [
+            self.length_scale_prior if weak else None,
+            *[None] * shapes,
+            self.amplitude_prior if weak else None,
+        ]
         self._log_theta = np.log([length_scale or 1.0, *[1.0] * shapes, amplitude or self.amplitude_prior.median])
         self._posterior: Posterior | None = None
 
@@ -150,6 +154,8 @@ class GaussianProcessTracker:
             self._centre = self._prior_position
         elif self._centre_on_vehicle:
             self._centre = np.array(own_position, dtype=float)
+        else:
+            self._centre = np.zeros(self.dimension)
         measurements = self._measurements()
         if any(high > low for low, high in self._bounds):
             likelihood = LogLikelihood(self._kernel, measurements, self._centre, self._nugget)
@@ -194,3 +200,8 @@ class GaussianProcessTracker:
             delta=delta,
             noise_variance=variance * theta.nugget,
         )
+
+
+def _log_pair(bounds: tuple[float, float]) -> tuple[float, float]:
+    low, high = np.log(bounds)
+    return float(low), float(high)

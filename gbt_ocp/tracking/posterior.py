@@ -88,8 +88,12 @@ class Posterior:
         t, h = measurements.times, measurements.directions
         omega = variance * (kernel(t[:, None] - t[None, :], hyperparameters.log_kernel) * (h @ h.T))
         omega[np.diag_indices_from(omega)] += variance * hyperparameters.nugget + measurements.variances
+        # LAPACK wants at least one row; one that no direction enters leaves the prior as it is
+        if not len(t):
+            self._data = Measurements(np.zeros(1), np.zeros((1, len(centre))), np.zeros(1), np.ones(1))
+            omega = np.ones((1, 1))
         self._factor = cholesky(omega)
-        self._weights = lapack.dpotrs(self._factor, measurements.relative_to(centre), lower=1)[0]
+        self._weights = lapack.dpotrs(self._factor, self._data.relative_to(centre), lower=1)[0]
 
     @property
     def hyperparameters(self) -> Hyperparameters:

@@ -94,7 +94,7 @@ class Window:
         return np.array([sample[2] for sample in self._samples])
 
     def measurements(self) -> Measurements:
-        """The pseudo-linear measurements ``λ̄ᵀ P_A = λ̄ᵀ P_T``, sample by sample, d-1 rows each; not of an empty window."""
+        """The pseudo-linear measurements ``λ̄ᵀ P_A = λ̄ᵀ P_T``, d-1 rows a sample; not of an empty window."""
         basis = tangent_basis(self.bearings)
         directions = np.swapaxes(basis, -1, -2)
         values = np.einsum("kji,ki->kj", directions, self.own_positions)

@@ -25,6 +25,20 @@ from gbt_ocp.ocp.planner import TIGHTENINGS
 from gbt_ocp.ocp.problem import TrajectoryProblem
 
 
+def free_folder(folder: str | Path) -> Path:
+    """The path, if it names a new or empty folder.
+
+    Raises
+    ------
+    FileExistsError
+        If there is something.
+    """
+    target = Path(folder)
+    if target.exists() and not (target.is_dir() and not any(target.iterdir())):
+        raise FileExistsError(f"found {target}, which is not an empty folder; allowed: a new or empty folder")
+    return target
+
+
 def write_folder(
     problem: TrajectoryProblem,
     options: Mapping[str, Any],
@@ -52,14 +66,12 @@ def write_folder(
     FileExistsError
         If the folder is there and not empty.
     """
-    target = Path(folder)
-    if target.exists() and not (target.is_dir() and not any(target.iterdir())):
-        raise FileExistsError(f"{target}: found a file or a folder that is not empty; allowed: a new or empty folder")
-    settings = CompiledOptions.checked(options)
+    target = free_folder(folder)
+    settings = CompiledOptions.checked(options, problem.pieces)
     generated = generate_problem(problem).files
     vectors = record(problem, options, steps)
     sources = {f"src/{name}": text for name, text in (kernel_files() | generated).items()}
-    sources["src/gbt_solver.c"] = _with_settings(sources["src/gbt_solver.c"], settings)
+    sources["src/gbt_solver.c"] = _with_settings(sources["src/gbt_solver.c"], options)
     texts = sources | {"vectors.h": vectors.header} | {name: _template(name) for name in _VERBATIM}
     manifest = {
         "versions": {"gbt_ocp": __version__, "casadi": ca.CasadiMeta.version()},
@@ -112,13 +124,11 @@ def _define(header: str, name: str) -> int:
     return int(header.split(f"#define {name} ", 1)[1].split()[0])
 
 
-def _with_settings(solver: str, settings: CompiledOptions) -> str:
-    """The solver with these settings as its defaults."""
-    default = CompiledOptions()
-    for name, value in asdict(settings).items():
-        if value != getattr(default, name):
-            before, after = solver.split(f"    settings->{name} = ", 1)
-            solver = f"{before}    settings->{name} = {value!r};{after.split(';', 1)[1]}"
+def _with_settings(solver: str, options: Mapping[str, Any]) -> str:
+    """The solver with these options as its default settings."""
+    for name, value in options.items():
+        before, after = solver.split(f"    settings->{name} = ", 1)
+        solver = f"{before}    settings->{name} = {value!r};{after.split(';', 1)[1]}"
     return solver
 
 

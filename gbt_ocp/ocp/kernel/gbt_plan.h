@@ -1,6 +1,6 @@
 /* One step of the planner: from a state and a forecast to a plan that may be executed.
 
-       gbt_planner planner;              about GBT_PLANNER_BYTES (see the README); static storage is a good place
+       static gbt_planner planner;       tens of kilobytes: too large for many a stack
        gbt_plan_init(&planner);
        for every period:
            gbt_plan(&planner, state, mean, covariance, desired, &plan);

@@ -46,12 +46,17 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
         /* Quadratic model from this piece on; only the lower triangle is kept. */
         for (int a = 0; a < GBT_PIECE; a++)
             for (int c = 0; c <= a; c++) h[a][c] = work->curvature[i][a][c];
-        if (i < GBT_PIECES - 1) add_rest(power, rest, h);
+        for (int a = 0; a < GBT_STATE && i == GBT_PIECES - 1; a++)
+            for (int c = 0; c < GBT_STATE; c++) rest[a][c] = 0;
+        for (int a = 0; a < GBT_FLAT; a++) {
+            const gbt_real unit = gbt_input_scale[a] * pow(GBT_PERIOD, (gbt_real)(GBT_DEGREE - 1));
+            rest[GBT_FLAT + a][GBT_FLAT + a] += delta / (unit * unit);
+        }
+        add_rest(power, rest, h);
 
         /* Cholesky factor of its part in the L-th derivative. */
         gbt_real(*factor)[GBT_FLAT] = work->factor[i];
         for (int a = 0; a < GBT_FLAT; a++) {
-            h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
             const gbt_real natural = fabs(h[GBT_STATE + a][GBT_STATE + a]);
             for (int c = 0; c <= a; c++) {
                 gbt_real value = h[GBT_STATE + a][GBT_STATE + c];

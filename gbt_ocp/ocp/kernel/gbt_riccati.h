@@ -5,7 +5,9 @@
 
 #include "gbt_solver.h"
 
-/* Factorises work->curvature + delta I, in scaled unknowns. The pivots of the recursion are those of a block Cholesky
+/* Factorises work->curvature, with delta added for every rate at the end of a piece, in units of what an input of one
+   changes it by within the piece. (Added to the inputs themselves, a long horizon would need far more of it: all later
+   rates change with an early input.) The pivots of the recursion are those of a block Cholesky
    factorisation of the Hessian with respect to all unknowns, last piece first: returns 1 if that is positive definite,
    0 if not. */
 int gbt_factorise(gbt_workspace *work, gbt_real delta);

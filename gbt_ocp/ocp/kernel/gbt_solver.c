@@ -15,7 +15,7 @@
 #define SHORTEST ((gbt_real)1e-10)      /* step at which the line search gives up */
 #define MU_LAST ((gbt_real)1e-5)        /* the last mu, at most: where there are few limits */
 #define NEAR_ENOUGH ((gbt_real)20)     /* error over mu at which mu is lowered */
-#define DELTA_FIRST ((gbt_real)1e-3)    /* first multiple of I that is added to an indefinite Hessian */
+#define DELTA_FIRST ((gbt_real)1e-5)    /* first regularisation of an indefinite Hessian */
 #define DELTA_LAST ((gbt_real)1e12)
 #define ESCALATION ((gbt_real)100)      /* of the weight of hard limits that a solution violates */
 #define HEAVIEST ((gbt_real)1e7)
@@ -31,8 +31,8 @@ void gbt_default_settings(gbt_settings *settings)
     settings->feasibility = (gbt_real)1e-6;
     settings->barrier = (gbt_real)1e-2;
     settings->limit_weight = 10;
-    settings->iterations = 60;
-    settings->deadline = 300;
+    settings->iterations = GBT_PIECES > 5 ? 12 * GBT_PIECES : 60;
+    settings->deadline = 5 * settings->iterations;
 }
 
 size_t gbt_workspace_bytes(void) { return sizeof(gbt_workspace); }
@@ -110,7 +110,7 @@ static gbt_real objective_slope(const gbt_workspace *work)
     return slope;
 }
 
-/* Factorises the Hessian with as much of I added as makes it positive definite; returns how much, negative if nothing
+/* Factorises the Hessian regularised as much as makes it positive definite; returns how much, negative if nothing
    helps. It starts well below what the last indefinite Hessian needed: a factorisation costs little beside the Hessian,
    and a step that is damped too much costs an iteration. */
 static gbt_real convexify(gbt_workspace *work, gbt_real last)

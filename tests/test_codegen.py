@@ -1,0 +1,198 @@
+"""The generated folder: it compiles without warnings, runs without Python, and says the same."""
+
+import ctypes
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from gbt_ocp import cli
+from gbt_ocp.ocp import BearingSimilarity, KeepOut, RangePull, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.codegen.building import build_library, find_compiler, kernel_files
+from gbt_ocp.ocp.codegen.folder import write_folder
+from gbt_ocp.ocp.codegen.generation import generate_problem
+from gbt_ocp.ocp.codegen.ipopt_source import write_ipopt_folder
+from gbt_ocp.ocp.codegen.verification import verify_folder
+from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
+
+pytestmark = [
+    pytest.mark.skipif(find_compiler() is None, reason="no C compiler"),
+    pytest.mark.skipif(shutil.which("make") is None, reason="no make"),
+]
+
+
+def fossen(dimension, form):
+    vehicle = FossenVehicle(FALCON_2D if dimension == 2 else FALCON_3D, [5000.0] * dimension + [1500.0])
+    problem = TrajectoryProblem(vehicle, 5, 0.1).maximize(BearingSimilarity(dimension)).maximize(RangePull(dimension))
+    limit = ThrustLimit(vehicle, 0.98)
+    return problem.subject_to(limit, nodes=4) if form == "hard" else problem.subject_to_penalty(limit, nodes=4)
+
+
+@pytest.fixture(scope="module", params=[(2, "hard"), (3, "penalty")], ids=lambda p: f"{p[0]}d-{p[1]}")
+def folder(request, tmp_path_factory):
+    return write_folder(fossen(*request.param), {}, tmp_path_factory.mktemp("generated") / "planner")
+
+
+def test_it_compiles_without_warnings_repeats_itself_and_agrees_with_python(folder):
+    before = sorted(folder.rglob("*"))
+    found = verify_folder(folder, flags="-O2 -Werror")
+    assert found.faults == ()
+    assert found.vectors == 20
+    assert found.difference < 1e-12
+    assert sorted(folder.rglob("*")) == before, "verification must leave nothing behind"
+
+
+@pytest.mark.parametrize(("compiler", "level"), [("gcc", "-O0"), ("clang", "-O3")])
+def test_compilers_and_optimisation_levels_agree(folder, compiler, level, monkeypatch):
+    if shutil.which(compiler) is None:
+        pytest.skip(f"no {compiler}")
+    monkeypatch.setenv("CC", compiler)
+    found = verify_folder(folder, flags=f"{level} -Werror")
+    assert found.faults == ()
+    assert found.difference < 1e-6
+
+
+def test_it_runs_clean_under_the_sanitizers(folder, tmp_path):
+    flags = "-O1 -fsanitize=address,undefined -fno-sanitize-recover=all"
+    (tmp_path / "empty.c").write_text("int main(void) { return 0; }\n")
+    tried = subprocess.run(
+        [find_compiler(), *flags.split(), "empty.c", "-o", "empty"], cwd=tmp_path, capture_output=True, check=False
+    )
+    if tried.returncode != 0 or subprocess.run([tmp_path / "empty"], check=False).returncode != 0:
+        pytest.skip("no sanitizers")
+    assert verify_folder(folder, flags=flags).faults == ()
+
+
+def test_make_builds_the_example_in_place(folder, tmp_path):
+    copy = shutil.copytree(folder, tmp_path / "elsewhere")
+    subprocess.run(["make", "-s"], cwd=copy, check=True)
+    done = subprocess.run([copy / "example"], cwd="/", capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    assert "20 vectors, 0 faults" in done.stdout
+
+
+def test_wrong_results_and_a_broken_source_are_noticed(folder, tmp_path):
+    copy = shutil.copytree(folder, tmp_path / "wrong")
+    header = (copy / "vectors.h").read_text()
+    name = "vector_endpoints[20]"
+    at = header.index("{", header.index("{", header.index(name)) + 1) + 1
+    (copy / "vectors.h").write_text(header[:at] + "9.0 + " + header[at:])
+    found = verify_folder(copy)
+    assert found.faults[0].startswith("example: exit code 1")
+    assert found.difference > 1.0
+    (copy / "src" / "gbt_plan.c").write_text("#error broken\n")
+    assert "broken" in verify_folder(copy).faults[0]
+
+
+def test_code_and_workspace_are_small_and_described(folder):
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["sizes"]["code"] < 100_000
+    assert manifest["sizes"]["workspace"] < 64_000
+    assert set(manifest["versions"]) == {"gbt_ocp", "casadi"}
+    assert "src/gbt_problem.c" in manifest["sha256"]
+    assert str(manifest["sizes"]["planner"]) in (folder / "README.md").read_text()
+
+
+def test_the_kernel_is_plain_c_without_allocation_or_state():
+    for name, text in kernel_files().items():
+        assert len(text.splitlines()) < 400, name
+        assert not re.search(r"\b(malloc|calloc|realloc|free|printf|longjmp) ?\(", text), name
+        # at file scope nothing but constants
+        for line in re.findall(r"^static (?!const)[^(\n]*;", text, flags=re.MULTILINE):
+            pytest.fail(f"{name}: {line}")
+
+
+def test_float_is_one_typedef_away(folder, tmp_path):
+    copy = shutil.copytree(folder, tmp_path / "single")
+    built = subprocess.run(
+        ["make", "-s", "CFLAGS=-O2 -DGBT_SINGLE"], cwd=copy, capture_output=True, text=True, check=False
+    )
+    assert built.returncode == 0, built.stderr
+    shown = subprocess.run([copy / "example"], capture_output=True, text=True, check=False).stdout
+    difference = float(re.search(r"largest difference (\S+),", shown).group(1))
+    assert difference < 1.0, "single precision plans must still be plans"
+
+
+def test_options_travel_into_the_generated_solver(tmp_path):
+    folder = write_folder(fossen(2, "hard"), {"deadline": 77, "gap": 1e-4}, tmp_path / "planner")
+    text = (folder / "src" / "gbt_solver.c").read_text()
+    assert "settings->deadline = 77;" in text
+    assert "settings->gap = 0.0001;" in text
+    assert verify_folder(folder).faults == ()
+
+
+def test_nothing_is_overwritten_and_nothing_half_written(tmp_path):
+    (tmp_path / "planner").mkdir()
+    (tmp_path / "planner" / "mine.txt").write_text("mine")
+    with pytest.raises(FileExistsError, match="not an empty folder"):
+        write_folder(fossen(2, "hard"), {}, tmp_path / "planner")
+    with pytest.raises(ValueError, match="allowed keys"):
+        write_folder(fossen(2, "hard"), {"fast": 1}, tmp_path / "other")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["planner"]
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The squared distance to a goal given as data of its own."""
+
+    @property
+    def shapes(self):
+        return {"goal": (2, 1)}
+
+    def value(self, point, parameters):
+        return -ca.sumsqr(point.z - parameters["goal"])
+
+    def bind(self, pieces, data):
+        return {"goal": np.tile(np.reshape(data["goal"], (2, 1)), (pieces, 1, 1))}
+
+
+def test_an_objective_with_data_of_its_own_is_generated_from_recorded_steps(tmp_path):
+    vehicle = PlanarPointMass(thrust_max=(1.0, 1.0))
+    problem = TrajectoryProblem(vehicle, 6, 0.5).maximize(Nearest()).subject_to(ThrustLimit(vehicle), nodes=2)
+    planner = problem.subject_to(KeepOut((2.0, 0.1), 0.5), nodes=4).compile("compiled")
+    with pytest.raises(ValueError, match="data of its own"):
+        planner.generate_c(tmp_path / "planner")
+    steps = [{"state": np.array([[0.3 * k, 0.0], [0.5, 0.1]]), "goal": [4.0, 0.5]} for k in range(4)]
+    folder = planner.generate_c(tmp_path / "planner", steps)
+    found = verify_folder(folder)
+    assert found.faults == ()
+    assert found.vectors >= 2
+    with pytest.raises(ValueError, match="found solver 'ipopt'"):
+        problem.compile("ipopt").generate_c(tmp_path / "other", steps)
+
+
+def test_the_symmetric_root_is_that_of_numpy():
+    problem = fossen(3, "hard")
+    library = ctypes.CDLL(str(build_library(kernel_files() | generate_problem(problem).files)))
+    rng = np.random.default_rng(0)
+    cases = [np.eye(3), np.zeros((3, 3)), np.diag([1.0, 1e-20, 4.0]), np.ones((3, 3)), np.diag([1.0, -1e-18, 0.0])]
+    for _ in range(50):
+        root = rng.normal(size=(3, rng.integers(1, 4))) * 10.0 ** rng.uniform(-6, 3)
+        cases.append(root @ root.T)
+    for matrix in cases:
+        found = np.empty((3, 3))
+        library.gbt_symmetric_root(ctypes.c_void_p(matrix.ctypes.data), ctypes.c_void_p(found.ctypes.data))
+        values, vectors = np.linalg.eigh(matrix)
+        expected = vectors @ np.diag(np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+        # a root magnifies what round-off leaves of a zero eigenvalue
+        np.testing.assert_allclose(found, expected, atol=1e-7 * np.sqrt(np.abs(matrix).max() + 1e-300))
+
+
+def test_ipopt_s_program_is_generated_without_errors_in_it(tmp_path):
+    folder = write_ipopt_folder(fossen(2, "penalty"), {}, tmp_path / "ipopt")
+    text = (folder / "planner_ipopt.c").read_text()
+    assert "IpStdCInterface.h" in text
+    assert "#error" not in text
+
+
+def test_the_command_line_writes_verifies_and_refuses(tmp_path, capsys):
+    assert cli.main(["codegen", "case2", "--out", str(tmp_path / "planner"), "--verify"]) == 0
+    assert "20 recorded steps" in capsys.readouterr().out
+    assert cli.main(["codegen", "case2", "--out", str(tmp_path / "planner")]) == 2
+    assert "not an empty folder" in capsys.readouterr().err
+    assert cli.main(["codegen", "case9", "--out", str(tmp_path / "other")]) == 2

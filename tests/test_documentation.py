@@ -1,0 +1,268 @@
+"""What the documents say is so: examples run, commands parse, names exist, tables are complete."""
+
+import ast
+import importlib
+import itertools
+import re
+import shlex
+import sys
+import types
+from pathlib import Path
+from typing import get_args
+
+import pytest
+import yaml
+
+from gbt_ocp import cli
+from gbt_ocp.experiments.configuration import Configuration, Section
+from gbt_ocp.experiments.loading import load_config
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+DOCUMENTS = {
+    path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
+    for path in [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+}
+PAPER, ARCHITECTURE = DOCUMENTS["docs/paper.md"], DOCUMENTS["docs/architecture.md"]
+
+
+def blocks(text, language):
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+
+
+def cells(line):
+    return [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+
+
+def rows(text, heading):
+    """Cells of the table whose header line is ``heading``."""
+    lines = text.splitlines()
+    below = lines[lines.index(heading) + 2 :]
+    return [cells(line) for line in itertools.takewhile(lambda line: line.startswith("|"), below)]
+
+
+# README
+
+
+def test_readme_has_two_commands_and_the_continuous_integration_runs_the_second():
+    outside = re.sub(r"^```.*?^```$", "", README, flags=re.DOTALL | re.MULTILINE)
+    commands = [line.strip() for line in outside.splitlines() if line.startswith("    ")]
+    assert len(commands) == 2
+    assert commands[0].endswith(" && .venv/bin/gbt-ocp run case2")
+    assert commands[1].endswith(" && .venv/bin/pytest")
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
+    assert commands[1] in script
+    assert script.index("set -euo pipefail") < script.index(commands[1])
+
+
+def test_readme_python_blocks_run_one_after_the_other(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    module = types.ModuleType("readme")
+    monkeypatch.setitem(sys.modules, "readme", module)
+    found = blocks(README, "python")
+    assert len(found) == 2
+    for block in found:
+        exec(compile(block, "README.md", "exec"), module.__dict__)
+    assert module.result.summary["error_settled"] < 0.1
+    assert Path("runs/mine/summary.json").is_file()
+    # The plan of the second block is what the text beside it says.
+    assert module.plan.status == "solved"
+    assert module.plan(4.0) == pytest.approx([2.0, 0.0], abs=0.01)
+    away = module.plan.endpoints - [1.0, 0.1]
+    assert (away**2).sum(axis=1).min() > 0.49**2
+    assert abs(module.plan.endpoints[:, 1]).max() > 0.3
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_yaml_blocks_are_configurations(name):
+    for block in blocks(DOCUMENTS[name], "yaml"):
+        load_config(yaml.safe_load(block))
+    assert name != "README.md" or blocks(README, "yaml")
+
+
+SUBCOMMANDS = ("run", "codegen", "schema", "list")
+PLACEHOLDERS = {"$case": "1", "$seed": "0"}
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_commands_parse(name):
+    indented = re.findall(r"^ {4}.*?\bgbt-ocp (.*)$", DOCUMENTS[name], re.MULTILINE)
+    for line in [*indented, *re.findall(r"`gbt-ocp ([^`]*)`", DOCUMENTS[name])]:
+        for placeholder, value in PLACEHOLDERS.items():
+            line = line.replace(placeholder, value)
+        words = shlex.split(line.partition(";")[0])
+        assert words[0] in SUBCOMMANDS
+        if len(words) == 1:  # a subcommand that is merely named
+            continue
+        arguments = cli._parser().parse_args(words)
+        # Words in capitals stand for what a reader puts in.
+        overrides = [text for text in arguments.set if not re.search(r"\b[A-Z]{3,}\b", text)]
+        load_config({} if arguments.config == "mine.yaml" else arguments.config, overrides=overrides)
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_links_lead_to_files_of_a_reasonable_size(name):
+    for target in re.findall(r"\]\(([^)#]+)\)", DOCUMENTS[name]):
+        if not target.startswith("https://"):
+            path = (ROOT / name).parent / target
+            assert path.is_file(), target
+            assert path.suffix != ".png" or path.stat().st_size < 300_000
+
+
+# The paper
+
+
+def cited():
+    """Equation labels that the package cites."""
+    text = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "gbt_ocp").rglob("*.py"))
+    return set(re.findall(r"``(eq\w+|like1|op_bearings)``", text))
+
+
+def test_every_equation_the_code_cites_is_in_the_document_of_the_paper():
+    assert len(cited()) > 15
+    assert cited() <= set(re.findall(r"`(\w+)`", PAPER))
+
+
+def test_every_label_of_the_paper_is_in_the_document():
+    source = ROOT.parent / "shared" / "paper" / "gbt-paper.tex"
+    if not source.is_file():
+        pytest.skip("the paper's source does not lie beside the checkout")
+    labels = set(re.findall(r"\\label\{(eq\w*|like1|op_bearings)\}", source.read_text(encoding="utf-8")))
+    written = set(re.findall(r"`(\w+)`", PAPER))
+    for prefix, first, last in re.findall(r"`(eq[AB])(\d+)` to `eq[AB](\d+)`", PAPER):
+        written |= {f"{prefix}{number}" for number in range(int(first), int(last) + 1)}
+    assert labels <= written
+
+
+def resolve(name):
+    """The object called ``name``, relative to the package."""
+    parts = ["gbt_ocp", *name.split(".")]
+    for cut in range(len(parts), 0, -1):
+        try:
+            found = importlib.import_module(".".join(parts[:cut]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[cut:]:
+            found = getattr(found, part)
+        return found
+    raise AssertionError(name)
+
+
+def test_what_implements_an_equation_exists():
+    names = [name for *_, where in rows(PAPER, "| label | what | where |") for name in re.findall(r"`([^`]+)`", where)]
+    assert len(names) > 35
+    for name in names:
+        resolve(name)
+
+
+def test_every_misprint_has_its_row_and_its_test():
+    table = rows(PAPER, "| | paper | here | test |")
+    assert [row[0] for row in table] == [f"E{number}" for number in range(1, 18)]
+    tests = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").glob("test_*.py"))
+    for number, *_, test in table:
+        assert test.startswith(f"`test_{number.lower()}_")
+        assert f"def {test.strip('`')}(" in tests
+
+
+# The architecture
+
+
+def imports(path):
+    """Modules of the package that a file imports, and whether it does so only inside a function."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    lazy = {id(node) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) for node in ast.walk(f)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: a relative import"
+            names = [node.module] if node.module != "gbt_ocp" else [f"gbt_ocp.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        else:
+            continue
+        for name in names:
+            if name.startswith("gbt_ocp.") and name != "gbt_ocp.__version__":
+                yield name, id(node) in lazy
+
+
+def room(module):
+    return module.split(".")[1]
+
+
+def test_imports_run_one_way_as_the_table_of_rooms_says():
+    table = {row[0].strip("`"): row for row in rows(ARCHITECTURE, "| room | what it holds | imports |")}
+    allowed = {name: set(re.findall(r"`(\w+)`", row[2])) for name, row in table.items()}
+    allowed["experiments"] |= allowed["simulation"]  # "and what lies below it"
+    package = ROOT / "gbt_ocp"
+    rooms = {path.stem for path in package.iterdir() if path.suffix == ".py" or (path / "__init__.py").is_file()}
+    assert set(allowed) == rooms - {"__init__"}
+    for path in package.rglob("*.py"):
+        own = path.relative_to(package).with_suffix("").parts[0]
+        for module, lazy in imports(path):
+            where = f"{path.relative_to(ROOT)} imports {module}"
+            if own == "__init__":
+                assert room(module) == "experiments", where
+            elif room(module) != own:
+                assert room(module) in allowed[own], where
+                if own == "reporting":
+                    assert module in ("gbt_ocp.experiments", "gbt_ocp.experiments.result"), where
+                if room(module) == "reporting":
+                    assert lazy, f"{where} before anything is drawn"
+
+
+def test_the_rooms_of_the_table_stand_in_an_order():
+    """No room imports one that stands below it in the table, but for reporting on request."""
+    table = rows(ARCHITECTURE, "| room | what it holds | imports |")
+    order = [row[0].strip("`") for row in table]
+    for row in table:
+        for name in re.findall(r"`(\w+)`", row[2]):
+            if name != "reporting":
+                assert order.index(name) < order.index(row[0].strip("`"))
+
+
+# The configuration
+
+
+def sections(annotation):
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return [annotation]
+    return [section for argument in get_args(annotation) for section in sections(argument)]
+
+
+def literals(annotation):
+    return [str(argument) for argument in get_args(annotation) if isinstance(argument, str)]
+
+
+def keys(model=Configuration, prefix=""):
+    """Key path, default, what is allowed and meaning of every key; a key of several kinds of a section comes once."""
+    found = {}
+    for name, field in model.model_fields.items():
+        path = f"{prefix}{name}"
+        extra = field.json_schema_extra or {}
+        inner = sections(field.annotation)
+        if not inner or "allowed" in extra:
+            allowed = extra.get("allowed", ", ".join(literals(field.annotation)))
+            known = field.default_factory is None and not field.is_required()
+            default = yaml.safe_dump(field.default, default_flow_style=True) if known else ""
+            default = default.replace("\n...", "").strip().replace("!!python/tuple ", "")
+            found[path] = [default, allowed.replace("{d}", "d").replace("{n}", "d + 1"), field.description]
+        for section in inner:
+            for key, row in keys(section, f"{path}.").items():
+                if key in found and key.endswith(".kind"):
+                    found[key] = ["", f"{found[key][1]}, {row[1]}", "What it is."]
+                else:
+                    found.setdefault(key, row)
+    return found
+
+
+def key_rows():
+    return [[f"`{path}`", f"`{row[0]}`" if row[0] else "", *row[1:]] for path, row in keys().items()]
+
+
+def test_the_table_of_keys_is_that_of_the_models():
+    """After a change: ``python tests/test_documentation.py`` prints the table."""
+    written = rows(DOCUMENTS["docs/configuration.md"], "| key | default | allowed | meaning |")
+    assert written == key_rows()
+
+
+if __name__ == "__main__":
+    print("\n".join(f"| {' | '.join(row)} |" for row in key_rows()))
