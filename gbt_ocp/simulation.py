@@ -79,34 +79,26 @@ class Mover:
         self._exact = follow == "exact"
         n = vehicle.flat_dimension
         point = [ca.SX.sym(name, n) for name in ("z", "dz", "ddz")]
-        self._thrust = ca.Function("thrust", point, [vehicle.inputs(*point)]).map(GRID)
-
-    def planned_thrust(self, trajectory: FlatTrajectory) -> Array:
-        """τ on the fine grid of the first piece ``(GRID, m)``."""
-        first = FlatTrajectory(trajectory.period, trajectory.start, trajectory.top[:1])
-        return np.asarray(self._thrust(*(values[0].T for values in first.sample(GRID)))).T
+        self._thrust_at = ca.Function("thrust", point, [vehicle.inputs(*point)])
+        self._thrust = self._thrust_at.map(GRID)
 
     def follow(self, plan: Plan) -> Move:
         """Execute the first piece of a plan."""
         limit = self._vehicle.thrust_max
-        thrust = self.planned_thrust(plan.trajectory)
+        first = FlatTrajectory(self._period, plan.trajectory.start, plan.trajectory.top[:1])
+        thrust = np.asarray(self._thrust(*(values[0].T for values in first.sample(GRID)))).T
         peak = np.max(np.abs(thrust), axis=0) / limit
         flat = plan.trajectory.knots[1]
         if self._exact:
             return Move(flat, self._vehicle.state(flat[0], flat[1]), thrust[0], peak)
-        start = self._vehicle.state(*plan.trajectory.start[:2])
-        thrust = np.clip(thrust, -limit, limit)
-        grid = np.linspace(0.0, self._period, GRID)
 
         def applied(s: float) -> Array:
-            # interpolated between grid points, so within the limits as they are
-            i = min(int(s / self._period * (GRID - 1)), GRID - 2)
-            share = (s - grid[i]) / (grid[i + 1] - grid[i])
-            return np.asarray(thrust[i] + share * (thrust[i + 1] - thrust[i]))
+            wanted = np.asarray(self._thrust_at(*(first(s, order) for order in range(3)))).ravel()
+            return np.clip(wanted, -limit, limit)
 
-        state = self._integrate(start, applied)
+        state = self._integrate(self._vehicle.state(*plan.trajectory.start[:2]), applied)
         z, dz = self._vehicle.flat(state)
-        return Move(np.vstack([z, dz, flat[2:]]), state, thrust[0], np.max(np.abs(thrust), axis=0) / limit)
+        return Move(np.vstack([z, dz, flat[2:]]), state, np.clip(thrust[0], -limit, limit), np.minimum(peak, 1.0))
 
     def hold(self, state: Array, thrust: Array) -> Move:
         """Integrate the forward dynamics under constant inputs."""

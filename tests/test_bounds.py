@@ -51,7 +51,12 @@ def test_bound_is_never_below_the_posterior(dimension, kernel):
         count = int(rng.integers(2, 13))
         spread = 10.0 ** rng.uniform(-1.5, 0.5)
         tracker = GaussianProcessTracker(
-            dimension, window=12, kernel=kernel, length_scale=10.0 ** rng.uniform(-0.5, 1.5), amplitude=2.0, nugget=1e-12
+            dimension,
+            window=12,
+            kernel=kernel,
+            length_scale=10.0 ** rng.uniform(-0.5, 1.5),
+            amplitude=2.0,
+            nugget=1e-12,
         )
         heading = rng.standard_normal(dimension)
         for time in np.sort(rng.uniform(0.0, 2.0, count)):

@@ -105,7 +105,11 @@ def test_a_prior_needs_a_positive_covariance(covariance):
 def test_what_is_refused_leaves_the_tracker_unchanged():
     tracker = fed(0.1 * np.arange(6), GaussianProcessTracker(2))
     before = tracker.predict([0.6]).mean
-    for time, bearing, own in [(0.5, [1.0, 0.0], [0.0, 0.0]), (0.6, [1.0, 1.0], [0.0, 0.0]), (0.6, [1.0, 0.0], [np.nan, 0.0])]:
+    for time, bearing, own in [
+        (0.5, [1.0, 0.0], [0.0, 0.0]),
+        (0.6, [1.0, 1.0], [0.0, 0.0]),
+        (0.6, [1.0, 0.0], [np.nan, 0.0]),
+    ]:
         with pytest.raises(ValueError, match="must"):
             tracker.update(time, bearing, own)
     assert len(tracker.window) == 6

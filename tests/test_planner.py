@@ -327,9 +327,6 @@ def test_braking_of_a_cubic_keeps_the_limits_and_ends_slow():
     assert speeds[-1] < 0.4 * speeds[0]
 
 
-@pytest.mark.xfail(
-    strict=True, reason="eleven shares of a full stop: where a stop takes ten limits, only drifting is left"
-)
 @pytest.mark.parametrize("drag", [0.0, 0.2])
 def test_braking_of_a_weak_vehicle_uses_most_of_its_thrust(drag):
     vehicle = PlanarPointMass(2.0, drag, (1.0, 1.0))
@@ -339,9 +336,6 @@ def test_braking_of_a_weak_vehicle_uses_most_of_its_thrust(drag):
     assert trajectory.knots[-1, 1, 0] < 0.9
 
 
-@pytest.mark.xfail(
-    strict=True, reason="the first node of the first piece is a bound on the start, which no unknown moves"
-)
 def test_a_start_a_hair_inside_a_forbidden_circle_is_planned_out_of_it():
     problem = posed().subject_to(KeepOut((0.0, 0.0), 0.5), nodes=4)
     plan = problem.compile("ipopt").solve([[0.5 - 1e-6, 0.0, 0.0], [0.0, 0.0, 0.0]], **numbers())

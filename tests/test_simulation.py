@@ -66,11 +66,11 @@ def test_within_the_limits_exact_following_is_what_the_dynamics_do(vehicle, seed
 
 @pytest.mark.parametrize("vehicle", [PLANAR, SPATIAL], ids=["planar", "spatial"])
 def test_the_dynamics_apply_the_limits_where_a_plan_exceeds_them(vehicle):
-    plan = planned(vehicle, 3.0)
+    plan = planned(vehicle, 5.0)
     exact, dynamic = (Mover(vehicle, PERIOD, how).follow(plan) for how in ("exact", "dynamics"))
     assert exact.thrust_peak.max() > 1.5
     assert dynamic.thrust_peak.max() == 1.0
-    np.testing.assert_allclose(dynamic.state, integrated(vehicle, plan), atol=2e-5)
+    np.testing.assert_allclose(dynamic.state, integrated(vehicle, plan), atol=1e-5)
     assert np.abs(dynamic.state - exact.state).max() > 1e-2
     np.testing.assert_allclose(vehicle.state(*dynamic.flat[:2]), dynamic.state, atol=1e-12)
 
@@ -167,13 +167,13 @@ def test_random_thrust_is_integrated_between_its_draws():
     np.testing.assert_allclose(np.split(state, 2)[0], history.vehicle_pose[20], atol=1e-6)
 
 
-@pytest.mark.parametrize("probability", [0.9, 0.999999])
+@pytest.mark.parametrize("probability", [0.5, 0.999999])
 @pytest.mark.parametrize("preset", ["default", "paper"])
 def test_a_run_that_sees_little_or_nothing_finishes(probability, preset):
     result = run(sensor={"missed_probability": probability}, preset=preset, seed=1)
     history = result.history
     assert not history.detected[:2].any()
-    assert history.detected.any() == (probability == 0.9)
+    assert history.detected.any() == (probability == 0.5)
     for name in ("vehicle_pose", "vehicle_velocity", "thrust", "forecast_mean", "forecast_cov", "bound"):
         assert np.all(np.isfinite(getattr(history, name))), name
     assert np.all(np.isnan(history.bearing[~history.detected]))

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 import sys
-from collections.abc import Iterable, Mapping
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -16,6 +19,35 @@ from gbt_ocp.experiments.faults import ConfigurationError
 from gbt_ocp.experiments.loading import load_config
 from gbt_ocp.experiments.result import History, Result, installed_versions, summarise
 from gbt_ocp.simulation import simulate, step_count
+
+
+@contextmanager
+def interrupted_between_steps() -> Iterator[Callable[[], None]]:
+    """Yield a function that raises ``KeyboardInterrupt`` if Ctrl-C was pressed since; a second one is not waited for.
+
+    CasADi swallows an interrupt that arrives while IPOPT runs: the step fails, is answered by a fallback, and the run
+    goes on as if nothing had been said.
+    """
+    pressed = False
+
+    def remember(number: int, frame: object) -> None:
+        nonlocal pressed
+        if pressed:
+            raise KeyboardInterrupt
+        pressed = True
+
+    def check() -> None:
+        if pressed:
+            raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():  # only the main thread gets signals
+        yield check
+        return
+    before = signal.signal(signal.SIGINT, remember)
+    try:
+        yield check
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def run(
@@ -42,6 +74,8 @@ def run(
     ------
     ConfigurationError
         If the configuration is wrong; one line a fault.
+    KeyboardInterrupt
+        If the run was interrupted (Ctrl-C), after the step it was in.
     """
     if not isinstance(configuration, Configuration):
         configuration = load_config(configuration, overrides=list(overrides), seed=seed)
@@ -56,13 +90,17 @@ def run(
 
     period = configuration.sensor.period_s
     steps = step_count(configuration.duration_s, period)
-    with tqdm(total=steps, disable=not progress, file=sys.stderr, unit="step", desc=configuration.name) as bar:
+    with (
+        interrupted_between_steps() as check,
+        tqdm(total=steps, disable=not progress, file=sys.stderr, unit="step", desc=configuration.name) as bar,
+    ):
 
-        def show(step: int, error: float, solver_time: float) -> None:
+        def after_step(step: int, error: float, solver_time: float) -> None:
+            check()
             bar.set_postfix_str(f"error {error:.4f} m, solver {1e3 * solver_time:.1f} ms", refresh=False)
             bar.update()
 
-        recording = simulate(loop, start, configuration.duration_s, show if progress else None)
+        recording = simulate(loop, start, configuration.duration_s, after_step)
     history = History(**recording.arrays)  # type: ignore[arg-type]  # names and kinds are checked there
     summary = summarise(
         history,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gbt_ocp.ocp.problem import TrajectoryProblem
 from gbt_ocp.ocp.trajectory import FlatTrajectory
+from gbt_ocp.ocp.transcription import input_scale
 from gbt_ocp.vehicles import Vehicle
 
 Array = NDArray[np.float64]
@@ -24,12 +25,20 @@ def drift(vehicle: Vehicle, z: Any, dz: Any) -> Any:
     return -ca.solve(ca.jacobian(thrust, ddz), at_rest)
 
 
+SHARES = (0.0, *(0.5**k for k in range(10, -1, -1)))
+"""How far from drifting to stopping: by halves, because a stop may take a thousand times the thrust there is."""
+
+ROUNDS = 12
+"""Rounds of the pattern search around the best of the family."""
+
+
 class BrakingPlanner:
     """Slows down as hard as the limits allow, piece by piece.
 
-    Each piece takes one of a family of accelerations that runs from drifting (thrust zero at its beginning: always
-    within thrust limits there) to stopping within the piece. Of those that keep all limits on the fine grid it takes
-    the one that ends slowest; if none does, the one that breaks them least.
+    Each piece starts from a family of accelerations that runs from drifting (thrust zero at its beginning: always
+    within thrust limits there) to stopping within the piece, and improves the best of them by a pattern search: fast
+    turns couple the axes, and then no mixture of drifting and stopping may keep the limits. Better is what breaks the
+    limits less on the fine grid, and among those that keep them what ends slower.
     """
 
     def __init__(self, problem: TrajectoryProblem, check: Callable[[FlatTrajectory], Array]) -> None:
@@ -54,22 +63,35 @@ class BrakingPlanner:
         drift = np.asarray(self._drift(knot[0], knot[1])).ravel()
         stop = -knot[1] / problem.period
         if problem.degree > 2:
-            reach = problem.period ** (problem.degree - 2)
-            drift, stop = (drift - knot[2]) / reach, (stop - knot[2]) / reach
+            lag = problem.period ** (problem.degree - 2)
+            drift, stop = (drift - knot[2]) / lag, (stop - knot[2]) / lag
         drift = np.where(np.isfinite(drift), drift, 0.0)
-        candidates = []
-        # Yaw brakes by its own share: a fast turn and a fast drift need different ones.
-        for share in np.linspace(0.0, 1.0, 11):
+        best, best_key = drift, (np.inf, np.inf)
+
+        def improve(candidate: Array) -> bool:
+            nonlocal best, best_key
+            trial = FlatTrajectory(problem.period, knot, candidate[None])
+            broken = max(float(self._check(trial)[0]), 0.0)
+            key = (broken, float(np.sum((trial.knots[1, 1] / problem.vehicle.acceleration_scale) ** 2)))
+            if not key < best_key:
+                return False
+            best, best_key = candidate, key
+            return True
+
+        for share in SHARES:
+            # Yaw brakes by its own share: a fast turn and a fast drift need different ones.
             for last_share in (share, 0.0, 0.5, 1.0):
                 mix = np.full(len(drift), share)
                 mix[-1] = last_share
-                candidates.append(drift + mix * (stop - drift))
-        best, best_key = candidates[0], (np.inf, np.inf)
-        # Candidates are checked side by side, as if they were the pieces of one trajectory each.
-        for candidate in candidates:
-            trial = FlatTrajectory(problem.period, knot, np.vstack([candidate] * problem.pieces))
-            broken = max(float(self._check(trial)[0]), 0.0)
-            key = (broken, float(np.sum((trial.knots[1, 1] / problem.vehicle.acceleration_scale) ** 2)))
-            if key < best_key:
-                best, best_key = candidate, key
+                improve(drift + mix * (stop - drift))
+        reach = 0.25 * input_scale(problem)
+        for _ in range(ROUNDS):
+            moved = False
+            for axis in range(len(drift)):
+                for sign in (1.0, -1.0):
+                    step = np.zeros(len(drift))
+                    step[axis] = sign * reach[axis]
+                    moved = improve(best + step) or moved
+            if not moved:
+                reach = 0.5 * reach
         return best

@@ -32,11 +32,14 @@ class CompiledOptions:
     tolerance
         Largest gradient of the Lagrangian, per scaled unknown.
     gap
-        Largest sum of the complementarity products, which bounds what the objective loses by the barrier.
+        Largest sum of the complementarity products of a piece, which bounds what its objective loses by the barrier.
     feasibility
         A hard limit counts as kept up to this, in units of the limit.
     barrier
-        μ at the start.
+        μ at a cold start.
+    warm_barrier
+        μ at a warm start, by default ``barrier`` up to five pieces and ``barrier (5/p)²`` beyond: the longer the
+        horizon, the nearer the shifted plan is to optimal.
     limit_weight
         c: weight of the l1 penalty that imposes the hard limits, exact while their multipliers stay below it.
     iterations
@@ -46,9 +49,10 @@ class CompiledOptions:
     """
 
     tolerance: float = 1.0e-4
-    gap: float = 2.0e-3
+    gap: float = 4.0e-4
     feasibility: float = 1.0e-6
     barrier: float = 1.0e-2
+    warm_barrier: float = 1.0e-2
     limit_weight: float = 10.0
     iterations: int = 60
     deadline: int = 300
@@ -71,12 +75,17 @@ class CompiledOptions:
             if not (number and 0.0 < value < np.inf):
                 raise ValueError(f"solver_options.{key}: found {value!r}; allowed: a positive {'whole ' * whole}number")
         iterations = options.get("iterations", max(60, 12 * pieces))
-        return cls(**{"iterations": iterations, "deadline": 5 * iterations, **options})
+        warm_barrier = options.get("barrier", cls.barrier) * min(5.0 / pieces, 1.0) ** 2
+        defaults = {"iterations": iterations, "deadline": 5 * iterations, "warm_barrier": warm_barrier}
+        return cls(**{**defaults, **options})
+
+
+_REALS = ("tolerance", "gap", "feasibility", "barrier", "warm_barrier", "limit_weight")
 
 
 class _Settings(ctypes.Structure):
     _fields_ = [
-        *((name, ctypes.c_double) for name in ("tolerance", "gap", "feasibility", "barrier", "limit_weight")),
+        *((name, ctypes.c_double) for name in _REALS),
         *((name, ctypes.c_int) for name in ("iterations", "deadline")),
     ]
 
@@ -141,7 +150,8 @@ class CompiledSolver:
         kernel.gbt_workspace_bytes.restype = ctypes.c_size_t
         self._workspace = np.zeros(kernel.gbt_workspace_bytes() // 8 + 1)
         numbers = ctypes.c_void_p
-        kernel.gbt_solve.argtypes = [numbers, numbers, numbers, ctypes.c_double, numbers, numbers, numbers]
+        arrays_before, arrays_after = [numbers] * 3, [numbers] * 3
+        kernel.gbt_solve.argtypes = [*arrays_before, ctypes.c_double, ctypes.c_int, *arrays_after]
         self._solve = kernel.gbt_solve
         kernel.gbt_check.argtypes = [numbers, numbers, ctypes.c_int, ctypes.c_int, numbers]
         self._check = kernel.gbt_check
@@ -163,7 +173,7 @@ class CompiledSolver:
     def solve(
         self, start: Array, objectives: Sequence[Array], guess: Array, *, cold: bool, tightening: float = 0.0
     ) -> CompiledSolution:
-        """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.Solver.solve`. Cold and warm starts are alike here."""
+        """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.Solver.solve`."""
         begin = np.ascontiguousarray(start, dtype=float)
         parameters = np.ascontiguousarray(np.vstack(list(objectives)).T, dtype=float)
         variables = np.array(guess, dtype=float, order="C")
@@ -173,6 +183,7 @@ class CompiledSolver:
             begin.ctypes.data,
             parameters.ctypes.data,
             tightening,
+            not cold,
             variables.ctypes.data,
             self._workspace.ctypes.data,
             ctypes.byref(result),

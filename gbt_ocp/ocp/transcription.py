@@ -60,13 +60,15 @@ def stack_parameters(objective: Objective, bound: Mapping[str, Array]) -> Array:
     return np.hstack(columns).T
 
 
-def first_free_node(problem: TrajectoryProblem) -> int:
-    """The first node of a piece that its own unknown can move.
+def first_free_node(problem: TrajectoryProblem, constraint: PathConstraint) -> int:
+    """The first node of a piece at which the piece's own unknown moves the constraint: 0 or 1.
 
-    With L = 2 the acceleration jumps at a boundary and both sides count. With L > 2 thrust is continuous: the first
-    node of a piece is the last one of the piece before.
+    With L = 2 the acceleration jumps at a boundary, so what depends on z̈ counts on both sides of it. Everything else
+    is continuous there: at its first node a piece repeats the last one of the piece before, and the first piece what
+    is given.
     """
-    return 0 if problem.degree == 2 else 1
+    point = point_symbols(problem.vehicle.flat_dimension)
+    return 0 if problem.degree == 2 and ca.depends_on(ca.SX(constraint.value(point)), point.ddz) else 1
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,7 @@ def transcribe(problem: TrajectoryProblem) -> Transcription:
     limits, lower, upper, scale = [], [], [], []
     for limit in problem.hard:
         c = limit.constraint
-        times = np.linspace(0.0, problem.period, limit.nodes + 1)[first_free_node(problem) :]
+        times = np.linspace(0.0, problem.period, limit.nodes + 1)[first_free_node(problem, c) :]
         function = constraint_function(problem, c)
         limits.append(ca.vec(function.map(p * len(times))(*at(times))))
         lower.append(np.tile(c.lower + c.backoff, p * len(times)))
@@ -221,6 +223,8 @@ class Binding:
 class LimitCheck:
     """Evaluates the true limits of a trajectory on a fine grid.
 
+    What is given at the start, and no plan can change, is left out.
+
     Parameters
     ----------
     points
@@ -230,18 +234,26 @@ class LimitCheck:
     def __init__(self, problem: TrajectoryProblem, points: int = FINE_POINTS) -> None:
         self.points = points
         self._constraints = problem.constraints
-        self._functions = [
-            constraint_function(problem, c).map(problem.pieces * points) for c in self._constraints
-        ]
+        self._given = [first_free_node(problem, c) == 1 for c in self._constraints]
+        self._functions = [constraint_function(problem, c) for c in self._constraints]
+        self._mapped: dict[int, list[ca.Function]] = {}
 
     def __call__(self, trajectory: FlatTrajectory) -> Array:
-        """Largest violation of each piece, in units of the limits ``(p,)``: negative inside them, ``-inf`` without any."""
+        """Largest violation of each piece ``(p,)`` in units of the limits.
+
+        Negative inside them, ``-inf`` without any; the trajectory may have any number of pieces.
+        """
+        pieces = trajectory.pieces
+        if pieces not in self._mapped:
+            self._mapped[pieces] = [function.map(pieces * self.points) for function in self._functions]
         worst = np.full(trajectory.pieces, -np.inf)
         point = trajectory.sample(self.points)
         columns = [values.reshape(-1, values.shape[-1]).T for values in point]
-        for constraint, function in zip(self._constraints, self._functions, strict=True):
+        for constraint, given, function in zip(self._constraints, self._given, self._mapped[pieces], strict=True):
             values = np.asarray(function(*columns))
             over = np.maximum(values - constraint.upper[:, None], constraint.lower[:, None] - values)
             over = (over / constraint.scale[:, None]).max(axis=0).reshape(trajectory.pieces, self.points)
+            if given:
+                over[0, 0] = -np.inf
             worst = np.maximum(worst, over.max(axis=1))
         return worst

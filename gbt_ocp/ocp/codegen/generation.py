@@ -202,7 +202,8 @@ def _limit(problem: TrajectoryProblem, number: int, limit: HardLimit | PenaltyLi
     ]
     sides = _sides(constraint)
     weights, widths = _penalty(problem, limit, [side[0] for side in sides])
-    begin = first_free_node(problem) if isinstance(limit, HardLimit) else 0
+    given = first_free_node(problem, constraint)
+    begin = given if isinstance(limit, HardLimit) else 0
     tables: Sequence[tuple[str, str, Any]] = (
         ("int", "side_row", [side[0] for side in sides]),
         ("gbt_real", "side_sign", [side[1] for side in sides]),
@@ -217,7 +218,7 @@ def _limit(problem: TrajectoryProblem, number: int, limit: HardLimit | PenaltyLi
     )
     hard = int(isinstance(limit, HardLimit))
     definition = (
-        f"    {{{value.numel()}, {len(sides)}, {limit.nodes}, {begin}, {hard}, {name}_side_row, {name}_side_sign,\n"
+        f"    {{{value.numel()}, {len(sides)}, {limit.nodes}, {begin}, {hard}, {given}, {name}_side_row, {name}_side_sign,\n"
         f"     {name}_side_bound, {name}_side_edge, {name}_side_weight, {name}_side_width,\n"
         f"     {name}_value, {name}_jacobian, {name}_curvature,\n"
         f"     {len(slope_rows)}, {name}_jacobian_row, {name}_jacobian_column,\n"
@@ -288,6 +289,7 @@ typedef struct {{
 /* A constraint in units of its limits, imposed at times k T / intervals of every piece, k = first .. intervals. */
 typedef struct {{
     int rows, sides, intervals, first, hard;
+    int given;                       /* at the start of the trajectory no plan can change it */
     const int *row;                  /* of each side: which value is bounded, */
     const gbt_real *sign, *bound;    /* to be kept at sign * value <= bound, */
     const gbt_real *edge;            /* which may lie within the true limit, */

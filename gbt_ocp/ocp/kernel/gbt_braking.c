@@ -5,7 +5,13 @@
 #include "gbt_check.h"
 #include "gbt_pieces.h"
 
-#define SHARES 11
+#define SHARES 12 /* from drifting to stopping by halves: a stop may take a thousand times the thrust there is */
+#define ROUNDS 12 /* of the pattern search around the best of the family */
+
+/* The best L-th derivative of a piece so far: what breaks the limits less, and among those that keep them ends slower. */
+typedef struct {
+    gbt_real top[GBT_FLAT], broken, speed;
+} candidate;
 
 static gbt_real end_speed(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDERS][GBT_FLAT])
 {
@@ -18,39 +24,58 @@ static gbt_real end_speed(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GB
     return sum;
 }
 
+/* Tries piece[GBT_DEGREE]; returns 1 if it is better than the best. */
+static int improve(gbt_real piece[GBT_ORDERS][GBT_FLAT], candidate *best)
+{
+    gbt_real next[GBT_ORDERS][GBT_FLAT], broken, speed;
+    gbt_check(&piece[0][0], piece[GBT_DEGREE], 1, GBT_FINE_POINTS, &broken);
+    if (broken < 0) broken = 0;
+    speed = end_speed(piece, next);
+    if (!(broken < best->broken || (broken == best->broken && speed < best->speed))) return 0;
+    best->broken = broken;
+    best->speed = speed;
+    for (int j = 0; j < GBT_FLAT; j++) best->top[j] = piece[GBT_DEGREE][j];
+    return 1;
+}
+
 static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT])
 {
-    gbt_real drift[GBT_FLAT], stop[GBT_FLAT], best[GBT_FLAT], next[GBT_ORDERS][GBT_FLAT];
-    gbt_real least = HUGE_VAL, slowest = HUGE_VAL;
+    gbt_real drift[GBT_FLAT], stop[GBT_FLAT], reach = (gbt_real)0.25;
+    candidate best;
+    best.broken = best.speed = HUGE_VAL;
     gbt_vehicle_drift(piece[0], piece[1], 0, drift);
     for (int j = 0; j < GBT_FLAT; j++) {
         stop[j] = -piece[1][j] / GBT_PERIOD;
         if (GBT_DEGREE > 2) {
             /* The unknown is a higher derivative: aim the acceleration at the end of the piece instead. */
-            const gbt_real reach = pow(GBT_PERIOD, (gbt_real)(GBT_DEGREE - 2));
-            drift[j] = (drift[j] - piece[GBT_DEGREE > 2 ? 2 : 0][j]) / reach;
-            stop[j] = (stop[j] - piece[GBT_DEGREE > 2 ? 2 : 0][j]) / reach;
+            const gbt_real lag = pow(GBT_PERIOD, (gbt_real)(GBT_DEGREE - 2));
+            drift[j] = (drift[j] - piece[GBT_DEGREE > 2 ? 2 : 0][j]) / lag;
+            stop[j] = (stop[j] - piece[GBT_DEGREE > 2 ? 2 : 0][j]) / lag;
         }
         if (!isfinite(drift[j])) drift[j] = 0;
-        best[j] = drift[j];
+        best.top[j] = drift[j];
     }
     for (int a = 0; a < SHARES; a++)
         for (int b = 0; b < 4; b++) {
             /* Yaw brakes by its own share: a fast turn and a fast drift need different ones. */
-            const gbt_real share = (gbt_real)a / (SHARES - 1), last = b == 0 ? share : (gbt_real)(b - 1) / 2;
-            gbt_real broken, speed;
+            const gbt_real share = a == 0 ? 0 : pow((gbt_real)0.5, (gbt_real)(SHARES - 1 - a));
+            const gbt_real last = b == 0 ? share : (gbt_real)(b - 1) / 2;
             for (int j = 0; j < GBT_FLAT; j++)
                 piece[GBT_DEGREE][j] = drift[j] + (j == GBT_FLAT - 1 ? last : share) * (stop[j] - drift[j]);
-            gbt_check(&piece[0][0], piece[GBT_DEGREE], 1, GBT_FINE_POINTS, &broken);
-            if (broken < 0) broken = 0;
-            speed = end_speed(piece, next);
-            if (broken < least || (broken == least && speed < slowest)) {
-                least = broken;
-                slowest = speed;
-                for (int j = 0; j < GBT_FLAT; j++) best[j] = piece[GBT_DEGREE][j];
-            }
+            improve(piece, &best);
         }
-    for (int j = 0; j < GBT_FLAT; j++) piece[GBT_DEGREE][j] = best[j];
+    /* Fast turns couple the axes: then no mixture of drifting and stopping may keep the limits. */
+    for (int round = 0; round < ROUNDS; round++) {
+        int moved = 0;
+        for (int axis = 0; axis < GBT_FLAT; axis++)
+            for (int sign = 1; sign >= -1; sign -= 2) {
+                for (int j = 0; j < GBT_FLAT; j++) piece[GBT_DEGREE][j] = best.top[j];
+                piece[GBT_DEGREE][axis] += (gbt_real)sign * reach * gbt_input_scale[axis];
+                if (improve(piece, &best)) moved = 1;
+            }
+        if (!moved) reach /= 2;
+    }
+    for (int j = 0; j < GBT_FLAT; j++) piece[GBT_DEGREE][j] = best.top[j];
 }
 
 void gbt_brake(const gbt_real *start, gbt_real *top)

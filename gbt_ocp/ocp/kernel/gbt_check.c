@@ -4,11 +4,12 @@
 
 #include "gbt_pieces.h"
 
-static gbt_real worst_at(const gbt_real *point, gbt_real worst)
+static gbt_real worst_at(const gbt_real *point, int at_start, gbt_real worst)
 {
     gbt_real value[GBT_ROWS];
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
+        if (at_start && limit->given) continue;
         limit->value(point, 0, 0, value);
         for (int r = 0; r < limit->sides; r++) {
             const gbt_real over = limit->sign[r] * value[limit->row[r]] - limit->edge[r];
@@ -28,7 +29,7 @@ void gbt_check(const gbt_real *start, const gbt_real *top, int pieces, int point
         violation[i] = -(gbt_real)HUGE_VAL;
         for (int k = 0; k < points; k++) {
             gbt_point_after(piece, GBT_PERIOD * (gbt_real)k / (gbt_real)(points - 1), point);
-            violation[i] = worst_at(point, violation[i]);
+            violation[i] = worst_at(point, i == 0 && k == 0, violation[i]);
         }
         gbt_next_piece(piece, end);
         for (int l = 0; l < GBT_DEGREE; l++)

@@ -51,13 +51,13 @@ static void coast(const gbt_real *state, gbt_real top[GBT_PIECES][GBT_FLAT])
 /* Solves from plan->top, and tightens the limits while the piece that is to be executed breaks them between the nodes.
    Returns GBT_SOLVED if plan->top may be executed. */
 static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt_real *parameters,
-                          gbt_plan_result *plan)
+                          int warm, gbt_plan_result *plan)
 {
     gbt_real u[N], tightening = 0;
     for (int k = 0; k < N; k++) u[k] = plan->top[k / GBT_FLAT][k % GBT_FLAT] / gbt_input_scale[k % GBT_FLAT];
     for (int tightened = 0;; tightened++) {
         gbt_result result;
-        gbt_solve(&planner->settings, state, parameters, tightening, u, &planner->work, &result);
+        gbt_solve(&planner->settings, state, parameters, tightening, warm, u, &planner->work, &result);
         plan->iterations += result.iterations;
         if (result.status != GBT_SOLVED) return result.status;
         for (int k = 0; k < N; k++) plan->top[k / GBT_FLAT][k % GBT_FLAT] = u[k] * gbt_input_scale[k % GBT_FLAT];
@@ -67,6 +67,7 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
         plan->tightened++;
         /* a little more than was found, so that one round nearly always does it */
         tightening += (gbt_real)1.2 * plan->piece_violation[0] + (gbt_real)1e-4;
+        warm = 1;
     }
 }
 
@@ -107,7 +108,7 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
         shift(planner, plan->top);
     else
         coast(state, plan->top);
-    plan->status = found = attempt(planner, state, parameters, plan);
+    plan->status = found = attempt(planner, state, parameters, planner->warm, plan);
     plan->origin = GBT_PLANNED;
     if (found != GBT_SOLVED && planner->warm) {
         /* From where the vehicle really is, which is where the previous plan led unless it was pushed. */
@@ -121,7 +122,7 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
     if (found != GBT_SOLVED && planner->warm) {
         coast(state, plan->top);
         plan->origin = GBT_COLD;
-        found = attempt(planner, state, parameters, plan);
+        found = attempt(planner, state, parameters, 0, plan);
     }
     if (found != GBT_SOLVED) {
         plan->origin = GBT_BRAKED;

@@ -27,9 +27,10 @@ enum { STARTS = sizeof barrier_of_start / sizeof barrier_of_start[0] };
 void gbt_default_settings(gbt_settings *settings)
 {
     settings->tolerance = (gbt_real)1e-4;
-    settings->gap = (gbt_real)2e-3;
+    settings->gap = (gbt_real)4e-4;
     settings->feasibility = (gbt_real)1e-6;
     settings->barrier = (gbt_real)1e-2;
+    settings->warm_barrier = settings->barrier * (GBT_PIECES > 5 ? 25 / ((gbt_real)GBT_PIECES * GBT_PIECES) : 1);
     settings->limit_weight = 10;
     settings->iterations = GBT_PIECES > 5 ? 12 * GBT_PIECES : 60;
     settings->deadline = 5 * settings->iterations;
@@ -177,7 +178,7 @@ static void accept(gbt_workspace *work, gbt_real mu, gbt_real alpha)
 /* Iterates from work->piece; counts into result. */
 static gbt_status minimise(const gbt_settings *settings, gbt_real mu, gbt_workspace *work, gbt_result *result)
 {
-    const gbt_real mu_last = fmin(settings->gap / (GBT_COUNT > 0 ? GBT_COUNT : 1), MU_LAST);
+    const gbt_real mu_last = fmin(settings->gap * GBT_PIECES / (GBT_COUNT > 0 ? GBT_COUNT : 1), MU_LAST);
     int last = result->iterations + settings->iterations;
     gbt_real delta = 0;
 
@@ -240,7 +241,7 @@ static void coast(gbt_workspace *work)
 }
 
 gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,
-                     gbt_real tightening, gbt_real *u, gbt_workspace *work, gbt_result *result)
+                     gbt_real tightening, int warm, gbt_real *u, gbt_workspace *work, gbt_result *result)
 {
     gbt_real cheapest = HUGE_VAL;
     gbt_status status;
@@ -264,7 +265,9 @@ gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const 
     do {
         gbt_result found = *result;
         gbt_propagate(work->piece);
-        status = minimise_within_limits(settings, settings->barrier * barrier_of_start[result->starts], work, &found);
+        const gbt_real mu =
+            warm && result->starts == 0 ? settings->warm_barrier : settings->barrier * barrier_of_start[result->starts];
+        status = minimise_within_limits(settings, mu, work, &found);
         result->iterations = found.iterations;
         result->starts++;
 

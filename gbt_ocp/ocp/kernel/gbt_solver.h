@@ -25,9 +25,10 @@ typedef enum {
 
 typedef struct {
     gbt_real tolerance;      /* largest gradient of the Lagrangian, per scaled unknown */
-    gbt_real gap;            /* largest sum of the complementarity products: bounds the loss of objective */
+    gbt_real gap;            /* largest sum of the complementarity products of a piece: bounds what its objective loses */
     gbt_real feasibility;    /* a hard limit counts as kept up to this, in units of the limit */
-    gbt_real barrier;        /* mu at the start */
+    gbt_real barrier;        /* mu at a cold start */
+    gbt_real warm_barrier;   /* mu at a warm start: the longer the horizon, the nearer the shifted plan is to optimal */
     gbt_real limit_weight;   /* c of the hard limits: the l1 penalty is exact while multipliers stay below it */
     int iterations;          /* of one start, before another one is tried */
     int deadline;            /* of all starts together */
@@ -81,8 +82,9 @@ size_t gbt_workspace_bytes(void);
    start        derivatives 0 .. L-1 of the flat output, GBT_DEGREE x GBT_FLAT
    parameters   of the objective, GBT_PIECES x GBT_PARAMETERS
    tightening   moves every bound inwards, in units of the limits
+   warm         whether the guess is near a solution
    u            GBT_PIECES x GBT_FLAT: in, the guess; out, the solution; L-th derivatives over gbt_input_scale */
 gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,
-                     gbt_real tightening, gbt_real *u, gbt_workspace *work, gbt_result *result);
+                     gbt_real tightening, int warm, gbt_real *u, gbt_workspace *work, gbt_result *result);
 
 #endif
