@@ -10,8 +10,9 @@ from __future__ import annotations
 import os
 
 # The matrices are small: several BLAS threads a process only get in each other's way.
-for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(variable, "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("MKL_NUM_THREADS", "1")
 
 import argparse
 import json
@@ -51,7 +52,8 @@ def one_run(job: tuple[str, list[str], int]) -> dict[str, object]:
     """Summary of one run."""
     case, overrides, seed = job
     origin = "[0, 0]" if case in CASES[:3] else "[0, 0, 0]"
-    return gbt.run(case, overrides=[text.format(origin=origin) if "{" in text else text for text in overrides], seed=seed).summary
+    written = [text.format(origin=origin) if "{" in text else text for text in overrides]
+    return gbt.run(case, overrides=written, seed=seed).summary
 
 
 def row(case: str, summaries: list[dict[str, object]]) -> str:

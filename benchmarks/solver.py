@@ -1,6 +1,6 @@
 """Compiled solver against IPOPT: on recorded closed-loop states, on cold random starts, and over the horizon.
 
-    python benchmarks/solver.py [--count 1000] [--steps 30] [--ipopt 100] [--out FILE.md]
+    python benchmarks/solver.py [--study horizon,cold,loop] [--figure docs/figures/solver_benchmark.png]
 
 Every comparison runs in one process, solver after solver on the same instances, so that ratios hold where
 milliseconds do not. Times are processor time of the thread: other work on the machine does not count.
@@ -9,39 +9,38 @@ Tables are Markdown on standard output.
 
 from __future__ import annotations
 
+import os
+
+# The matrices are small: several BLAS threads only get in each other's way.
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import thread_time
-from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 import numpy as np
+from solver_instances import (
+    Instance,
+    closed_loop_instances,
+    cold_instances,
+    fossen_problem,
+    pursuit_instances,
+)
+from solver_optimality import Optimality
 
-from gbt_ocp.bearings import DesiredBearing
-from gbt_ocp.experiments.build import build_loop
-from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.ocp import BearingSimilarity, RangePull, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp import TrajectoryProblem
 from gbt_ocp.ocp.compiled import CompiledSolver
 from gbt_ocp.ocp.ipopt import IpoptSolver
-from gbt_ocp.ocp.solvers import Solution, Solver
+from gbt_ocp.ocp.solvers import Solver
 from gbt_ocp.ocp.transcription import Binding, transcribe
-from gbt_ocp.simulation import simulate
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
 
-
-@dataclass(frozen=True)
-class Instance:
-    """What one call of a solver gets."""
-
-    start: np.ndarray
-    parameters: list[np.ndarray]
-    guess: np.ndarray
-    cold: bool
-    tightening: float = 0.0
+HORIZONS = (5, 10, 20, 40, 80)
 
 
 @dataclass(frozen=True)
@@ -49,66 +48,12 @@ class Row:
     """What one call gave."""
 
     solved: bool
+    starts: int
     iterations: int
     objective: float
     violation: float
     time: float
-
-
-class Recorder:
-    """A solver that keeps what it was asked."""
-
-    name = "recorder"
-
-    def __init__(self, solver: Solver) -> None:
-        self._solver = solver
-        self.asked: list[Instance] = []
-
-    def solve(self, start: Any, objectives: Any, guess: Any, *, cold: bool, tightening: float) -> Solution:
-        """Solve, and remember."""
-        self.asked.append(Instance(start.copy(), list(objectives), guess.copy(), cold, tightening))
-        return self._solver.solve(start, objectives, guess, cold=cold, tightening=tightening)
-
-
-def fossen_problem(dimension: int, formulation: str, nodes: int, pieces: int = 5) -> TrajectoryProblem:
-    """The paper's problem with the weak pull of the default configuration."""
-    vehicle = FossenVehicle(FALCON_2D if dimension == 2 else FALCON_3D, [5000.0] * dimension + [1500.0])
-    problem = TrajectoryProblem(vehicle, pieces, 0.1).maximize(BearingSimilarity(dimension))
-    problem = problem.maximize(RangePull(dimension))
-    limit = ThrustLimit(vehicle, 0.98)
-    return (
-        problem.subject_to(limit, nodes=nodes)
-        if formulation == "hard"
-        else problem.subject_to_penalty(limit, nodes=nodes)
-    )
-
-
-def cold_instances(problem: TrajectoryProblem, count: int) -> Iterator[Instance]:
-    """Random states, forecasts and desired bearings."""
-    rng = np.random.default_rng(0)
-    d, p = problem.vehicle.position_dimension, problem.pieces
-    desired, binding = DesiredBearing(d, 2.0 * np.pi / (1.0 if d == 2 else 0.4)), Binding(problem)
-    for number in range(count):
-        start = np.zeros((2, d + 1))
-        start[0, :d] = rng.uniform(-5.0, 5.0, d)
-        start[1] = rng.normal(size=d + 1) * ([1.0] * d + [0.5])
-        mean = rng.normal(size=d) + 0.1 * np.arange(1, p + 1)[:, None] * rng.normal(size=d)
-        root = 0.2 * rng.normal(size=(d, d))
-        forecast = SimpleNamespace(mean=mean, covariance=np.tile(root @ root.T, (p, 1, 1)))
-        data = {"forecast": forecast, "desired": desired(number + 0.1 * np.arange(1, p + 1))}
-        yield Instance(start, binding.objective_parameters(data), np.zeros((p, d + 1)), True)
-
-
-def closed_loop_instances(
-    case: str, formulation: str, nodes: int, seed: int, seconds: float
-) -> tuple[TrajectoryProblem, list[Instance]]:
-    """What the planner's solver was asked in a run of a shipped configuration."""
-    overrides = [f"planner.formulation={formulation}", f"planner.nodes={nodes}", "planner.solver=compiled"]
-    loop, start = build_loop(load_config(case, overrides=overrides, seed=seed))
-    planner = loop.guidance.planner  # type: ignore[attr-defined]  # the configurations plan
-    planner.solver = recorder = Recorder(planner.solver)
-    simulate(loop, start, seconds)
-    return planner.problem, recorder.asked
+    variables: np.ndarray
 
 
 def measure(problem: TrajectoryProblem, solver: Solver, instances: Sequence[Instance]) -> list[Row]:
@@ -124,7 +69,17 @@ def measure(problem: TrajectoryProblem, solver: Solver, instances: Sequence[Inst
         time = thread_time() - began
         vector = binding.vector(item.start, item.parameters, settings, item.tightening)
         value = float(judge(found.variables.ravel(), vector)) if np.all(np.isfinite(found.variables)) else np.nan
-        rows.append(Row(found.solved, found.iterations, value, nodes_violation(problem, item, found.variables), time))
+        rows.append(
+            Row(
+                found.solved,
+                getattr(found, "starts", 1),
+                found.iterations,
+                value,
+                nodes_violation(problem, item, found.variables),
+                time,
+                found.variables,
+            )
+        )
     return rows
 
 
@@ -148,64 +103,154 @@ def nodes_violation(problem: TrajectoryProblem, item: Instance, variables: np.nd
     return float(np.max(np.maximum(values - program.upper, program.lower - values) / program.scale))
 
 
-def line(name: str, rows: Sequence[Row], best: np.ndarray, reference: float | None) -> str:
-    """One row of a table; the ratio is that of median times."""
-    times = 1e3 * np.array([row.time for row in rows])
-    iterations = np.array([row.iterations for row in rows])
-    gap = np.array([row.objective for row in rows]) - best[: len(rows)]
-    ratio = "" if reference is None else f"{np.median(times) / reference:.1f}"
-    solved = sum(row.solved for row in rows)
-    worst = max((row.violation for row in rows if row.solved), default=np.nan)
-    return (
-        f"| {name} | {solved} of {len(rows)} | {iterations.mean():.1f} | {np.percentile(iterations, 99):.0f} "
-        f"| {np.nanmean(gap):+.4f} | {worst:.1e} | {np.median(times):.3f} | {np.percentile(times, 99):.3f} | {ratio} |"
+@dataclass
+class Samples:
+    """What the figure shows: times in milliseconds."""
+
+    horizon: dict[str, list[np.ndarray]] = field(default_factory=dict)
+    loop: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+
+
+Write = Callable[[str], None]
+
+
+def times_of(rows: Sequence[Row]) -> np.ndarray:
+    """Milliseconds."""
+    return 1e3 * np.array([row.time for row in rows])
+
+
+def warmed(solver: Solver, item: Instance) -> Solver:
+    """The solver after a first call, which pays for what is set up late."""
+    solver.solve(item.start, item.parameters, item.guess, cold=True, tightening=0.0)
+    return solver
+
+
+def horizons(write: Write, samples: Samples, steps: int, cold: int) -> None:
+    """Time over the number of pieces."""
+    for formulation in ("hard", "penalty"):
+        write(f"\nHorizon, 2D, {formulation}, n_c = 4: {steps} warm steps with forecasts that come true, then cold\n")
+        write(
+            "| p | solved | iterations (99 %) | median ms | 99 % ms | µs an iteration and piece | cold: solved "
+            "| iterations | median ms |"
+        )
+        write("|---|---|---|---|---|---|---|---|---|")
+        medians = []
+        for pieces in HORIZONS:
+            problem = fossen_problem(2, formulation, 4, pieces)
+            instances = pursuit_instances(problem, steps)
+            solver = warmed(CompiledSolver(problem, {}), instances[0])
+            rows = measure(problem, solver, instances)
+            times, iterations = times_of(rows), np.array([row.iterations for row in rows])
+            samples.horizon.setdefault(formulation, []).append(times)
+            medians.append(np.median(times))
+            first = measure(problem, solver, list(cold_instances(problem, cold)))
+            write(
+                f"| {pieces} | {sum(row.solved for row in rows)} of {len(rows)} "
+                f"| {iterations.mean():.1f} ({np.percentile(iterations, 99):.0f}) | {medians[-1]:.3f} "
+                f"| {np.percentile(times, 99):.3f} | {1e3 * times.sum() / iterations.sum() / pieces:.2f} "
+                f"| {sum(row.solved for row in first)} of {cold} "
+                f"| {np.mean([row.iterations for row in first]):.1f} | {np.median(times_of(first)):.3f} |"
+            )
+        slope = np.polyfit(np.log(HORIZONS), np.log(medians), 1)[0]
+        write(f"\nThe median warm time grows as p^{slope:.2f}.")
+
+
+def cold_starts(write: Write, count: int, ipopt: int) -> None:
+    """Random instances from rest of nothing known: success, optimality, objective."""
+    write(f"\nCold: {count} random instances each, every one checked; IPOPT on the first {ipopt} (hard form)\n")
+    write(
+        "| | solved | starts again | iterations (99 %, most) | KKT residual: median | worst | worst violation "
+        "| median ms | 99 % ms | IPOPT solved | objective minus IPOPT's: mean (standard error) |"
     )
+    write("|---|---|---|---|---|---|---|---|---|---|---|")
+    for dimension in (2, 3):
+        for formulation in ("hard", "penalty"):
+            for nodes in (4, 20):
+                problem = fossen_problem(dimension, formulation, nodes)
+                instances = list(cold_instances(problem, count))
+                rows = measure(problem, warmed(CompiledSolver(problem, {}), instances[0]), instances)
+                optimality = Optimality(problem)
+                residuals = np.array(
+                    [optimality.residual(item, row.variables) for item, row in zip(instances, rows, strict=True)]
+                )
+                iterations, times = np.array([row.iterations for row in rows]), times_of(rows)
+                against = " | "
+                if formulation == "hard" and ipopt:
+                    other = measure(problem, IpoptSolver(problem, {}), instances[:ipopt])
+                    gap = np.array(
+                        [a.objective - b.objective for a, b in zip(rows, other, strict=False) if a.solved and b.solved]
+                    )
+                    error = gap.std(ddof=1) / np.sqrt(len(gap))
+                    against = f"{sum(r.solved for r in other)} of {len(other)} | {gap.mean():+.4f} ({error:.4f})"
+                write(
+                    f"| {dimension}D, {formulation}, n_c = {nodes} | {sum(row.solved for row in rows)} of {count} "
+                    f"| {sum(row.starts > 1 for row in rows)} "
+                    f"| {iterations.mean():.1f} ({np.percentile(iterations, 99):.0f}, {iterations.max()}) "
+                    f"| {np.median(residuals):.1e} | {residuals.max():.1e} "
+                    f"| {max(row.violation for row in rows):.1e} | {np.median(times):.3f} "
+                    f"| {np.percentile(times, 99):.3f} | {against} |"
+                )
 
 
-HEAD = (
-    "| | solved | iterations | 99 % | objective over the best | worst violation | median ms | 99 % ms | time ratio |\n"
-    "|---|---|---|---|---|---|---|---|---|"
-)
+def closed_loops(write: Write, samples: Samples, arguments: argparse.Namespace) -> None:
+    """Recorded steps of whole runs; the other solvers on steps spread evenly over them."""
+    for pieces in (5, 10):
+        for case in arguments.cases.split(","):
+            for formulation in ("hard", "penalty"):
+                asked: list[Instance] = []
+                for seed in range(arguments.seeds):
+                    problem, more = closed_loop_instances(case, formulation, 4, seed, arguments.seconds, pieces)
+                    asked += more
+                title = f"{case}, {formulation}, n_c = 4, p = {pieces}"
+                compare(title, problem, asked, arguments, write, samples)
 
 
 def compare(
     title: str,
     problem: TrajectoryProblem,
-    instances: Sequence[Instance],
-    solvers: Mapping[str, tuple[Callable[[], Solver], int]],
-    write: Callable[[str], None],
+    asked: Sequence[Instance],
+    arguments: argparse.Namespace,
+    write: Write,
+    samples: Samples,
 ) -> None:
-    """One table: every solver on the first so many instances."""
-    found = {}
-    for name, (make, count) in solvers.items():
+    """One table. Ratios are those of the median times on the same steps."""
+    solvers: list[tuple[str, Callable[[], Solver], int]] = [
+        ("compiled", lambda: CompiledSolver(problem, {}), len(asked)),
+        ("IPOPT, expanded", lambda: IpoptSolver(problem, {}), arguments.ipopt),
+        ("IPOPT, compiled callbacks", lambda: _with_compiled_callbacks(problem), arguments.jit),
+    ]
+    if problem.penalties:
+        solvers.append(
+            ("IPOPT, penalty as printed", lambda: IpoptSolver(problem, {"penalty": "printed"}), arguments.printed)
+        )
+    results: dict[str, dict[int, Row]] = {}
+    for name, make, count in solvers:
         if count > 0:
-            solver = make()
-            solver.solve(  # the first call pays for what is set up late
-                instances[0].start, instances[0].parameters, instances[0].guess, cold=True, tightening=0.0
-            )
-            found[name] = measure(problem, solver, instances[:count])
-    values = np.full((len(found), len(instances)), -np.inf)
-    for rank, rows in enumerate(found.values()):
-        values[rank, : len(rows)] = [row.objective if row.solved else -np.inf for row in rows]
-    best = values.max(axis=0)
-    best = np.where(np.isfinite(best), best, np.nan)
-    write(f"\n{title}\n\n{HEAD}")
-    first = 1e3 * float(np.median([row.time for row in next(iter(found.values()))]))
-    for rank, (name, rows) in enumerate(found.items()):
-        write(line(name, rows, best, None if rank == 0 else first))
-
-
-def solvers_of(
-    problem: TrajectoryProblem, count: int, ipopt: int, jit: int
-) -> dict[str, tuple[Callable[[], Solver], int]]:
-    """The solvers and on how many instances each runs."""
-    printed = {"IPOPT, penalty as printed": (lambda: IpoptSolver(problem, {"penalty": "printed"}), ipopt)}
-    return {
-        "compiled": (lambda: CompiledSolver(problem, {}), count),
-        "IPOPT, expanded": (lambda: IpoptSolver(problem, {}), ipopt),
-        "IPOPT, compiled callbacks": (lambda: _with_compiled_callbacks(problem), jit),
-        **(printed if problem.penalties else {}),
-    }
+            picked = np.unique(np.linspace(0, len(asked) - 1, min(count, len(asked))).round().astype(int))
+            rows = measure(problem, warmed(make(), asked[0]), [asked[k] for k in picked])
+            results[name] = dict(zip(picked.tolist(), rows, strict=True))
+    samples.loop[title] = {name: times_of(list(rows.values())) for name, rows in results.items()}
+    solved = [{k: row.objective for k, row in rows.items() if row.solved} for rows in results.values()]
+    best = {k: max((found[k] for found in solved if k in found), default=np.nan) for k in range(len(asked))}
+    mine = results["compiled"]
+    write(f"\nClosed loop, {title}\n")
+    write(
+        "| | solved | iterations (99 %) | objective below the best | worst violation | median ms | 99 % ms "
+        "| times compiled |"
+    )
+    write("|---|---|---|---|---|---|---|---|")
+    for name, rows in results.items():
+        times, iterations = times_of(list(rows.values())), np.array([row.iterations for row in rows.values()])
+        # where nobody else solved, there is nothing to compare with
+        shared = [k for k, row in rows.items() if row.solved and sum(k in found for found in solved) > 1]
+        below = np.mean([best[k] - rows[k].objective for k in shared]) if shared else np.nan
+        worst = max((row.violation for row in rows.values() if row.solved), default=np.nan)
+        ratio = np.median(times) / np.median(times_of([mine[k] for k in rows]))
+        write(
+            f"| {name} | {sum(row.solved for row in rows.values())} of {len(rows)} "
+            f"| {iterations.mean():.1f} ({np.percentile(iterations, 99):.0f}) | {below:.4f} | {worst:.1e} "
+            f"| {np.median(times):.3f} | {np.percentile(times, 99):.3f} | {ratio:.1f} |"
+        )
 
 
 def _with_compiled_callbacks(problem: TrajectoryProblem) -> IpoptSolver:
@@ -222,26 +267,14 @@ def _with_compiled_callbacks(problem: TrajectoryProblem) -> IpoptSolver:
         ca.nlpsol = original
 
 
-def horizons(write: Callable[[str], None], count: int) -> None:
-    """Time over the number of pieces."""
-    write("\nHorizon (cold, 2D, hard, n_c = 4)\n\n| p | solved | iterations | median ms | µs an iteration and piece |")
-    write("|---|---|---|---|---|")
-    for pieces in (5, 10, 20, 40, 80):
-        problem = fossen_problem(2, "hard", 4, pieces)
-        rows = measure(problem, CompiledSolver(problem, {}), list(cold_instances(problem, count)))
-        times, iterations = np.array([row.time for row in rows]), np.array([row.iterations for row in rows])
-        share = 1e6 * times.sum() / iterations.sum() / pieces
-        solved = sum(row.solved for row in rows)
-        write(
-            f"| {pieces} | {solved} of {count} | {iterations.mean():.1f} | {1e3 * np.median(times):.3f} | {share:.2f} |"
-        )
-
-
 def main() -> None:
     """All tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--study", default="horizon,cold,loop", help="which of horizon, cold, loop")
+    parser.add_argument("--steps", type=int, default=100, help="warm steps for each horizon")
     parser.add_argument("--count", type=int, default=1000, help="cold instances for the compiled solver")
     parser.add_argument("--ipopt", type=int, default=100, help="instances for IPOPT")
+    parser.add_argument("--printed", type=int, default=30, help="closed-loop steps for IPOPT, penalty as printed")
     parser.add_argument(
         "--jit",
         type=int,
@@ -249,9 +282,10 @@ def main() -> None:
         help="instances for IPOPT with compiled callbacks; each table then takes a minute to compile",
     )
     parser.add_argument("--seconds", type=float, default=30.0, help="length of the closed-loop runs")
-    parser.add_argument("--cases", default="case1,case2,case3,case4,case5,case6")
+    parser.add_argument("--cases", default="case2,case5")
     parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--out", type=Path)
+    parser.add_argument("--out", type=Path, help="file for the tables")
+    parser.add_argument("--figure", type=Path, help="file for the figure; needs the studies horizon and loop")
     arguments = parser.parse_args()
     lines: list[str] = []
 
@@ -259,25 +293,22 @@ def main() -> None:
         print(text, flush=True)
         lines.append(text)
 
-    for formulation in ("hard", "penalty"):
-        for case in arguments.cases.split(",") if arguments.cases else []:
-            asked: list[Instance] = []
-            for seed in range(arguments.seeds):
-                problem, more = closed_loop_instances(case, formulation, 4, seed, arguments.seconds)
-                asked += more
-            solvers = solvers_of(problem, len(asked), arguments.ipopt, arguments.jit)
-            compare(f"Closed loop, {case}, {formulation}, n_c = 4", problem, asked, solvers, write)
-    for dimension in (2, 3):
-        for formulation in ("hard", "penalty"):
-            for nodes in (4, 20):
-                problem = fossen_problem(dimension, formulation, nodes)
-                instances = list(cold_instances(problem, arguments.count))
-                title = f"Cold, {dimension}D, {formulation}, n_c = {nodes}"
-                solvers = solvers_of(problem, arguments.count, arguments.ipopt, arguments.jit)
-                compare(title, problem, instances, solvers, write)
-    horizons(write, max(arguments.count // 20, 1))
+    studies = arguments.study.split(",")
+    samples = Samples()
+    if "horizon" in studies:
+        horizons(write, samples, arguments.steps, max(arguments.count // 20, 1))
+    if "loop" in studies:
+        closed_loops(write, samples, arguments)
+    if "cold" in studies:
+        cold_starts(write, arguments.count, arguments.ipopt)
     if arguments.out is not None:
         arguments.out.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if arguments.figure is not None:
+        if not (samples.horizon and samples.loop):
+            parser.error("--figure: needs the studies horizon and loop")
+        from solver_figure import draw
+
+        draw(HORIZONS, samples.horizon, samples.loop, arguments.figure)
 
 
 if __name__ == "__main__":

@@ -273,7 +273,7 @@ def test_one_line_runs_with_the_defaults_of_the_design(tmp_path):
             "centre": "vehicle",
             "amplitude": "tuned",
             "length_scale": "tuned",
-            "nugget": 1e-13,
+            "nugget": "tuned",
             "prior": None,
             "bound_delta": 0.05,
         },

@@ -119,7 +119,7 @@ def build_tracker(configuration: Configuration, start: Array) -> GaussianProcess
         centre=section.centre,
         length_scale=None if section.length_scale == "tuned" else section.length_scale,
         amplitude=None if section.amplitude == "tuned" else section.amplitude,
-        nugget=section.nugget,
+        nugget=None if section.nugget == "tuned" else section.nugget,
         prior_position=None if prior is None else prior.position,
         prior_covariance=covariance,
         start=start,

@@ -200,8 +200,10 @@ class Tracker(Section):
     length_scale: Literal["tuned"] | Positive = _key(
         "tuned", "Length scale in s, tuned on the window or fixed.", "tuned, or a number > 0"
     )
-    nugget: float = _key(
-        1.0e-13, "Variance added to the measurements, relative to the kernel's amplitude.", "a number > 0", gt=0.0
+    nugget: Literal["tuned"] | Positive = _key(
+        "tuned",
+        "Variance of a measurement relative to the amplitude squared, tuned on the window or fixed.",
+        "tuned, or a number > 0",
     )
     prior: Prior | None = _key(
         None, "Prior knowledge of the position.", "null, or a mapping with position and one of std, covariance"

@@ -24,7 +24,7 @@ NEAR = 1.0e-6
 
 
 class Moments(Protocol):
-    """Mean and covariance of a predicted position at the endpoints t_{k+1}, t_{k+2}, …"""
+    """Mean and covariance of a predicted position at the endpoints t_{k+1}, t_{k+2} and so on."""
 
     @property
     def mean(self) -> Array:

@@ -79,13 +79,9 @@ class Planner:
         """The objective of any trajectory, without penalty."""
         ends = trajectory.sample(2)
         columns = [values[:, -1].T for values in ends]
-        return float(
-            sum(float(ca.sum2(f(*columns, p))) for f, p in zip(self._objectives, parameters, strict=True))
-        )
+        return float(sum(float(ca.sum2(f(*columns, p))) for f, p in zip(self._objectives, parameters, strict=True)))
 
-    def solve(
-        self, state: ArrayLike, forecast: Any = None, desired: ArrayLike | None = None, **data: Any
-    ) -> Plan:
+    def solve(self, state: ArrayLike, forecast: Any = None, desired: ArrayLike | None = None, **data: Any) -> Plan:
         """Plan from a state.
 
         Parameters

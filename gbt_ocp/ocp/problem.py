@@ -1,9 +1,9 @@
 """The trajectory problem: an immutable description, built up by verbs that name how a constraint is treated.
 
-    problem = TrajectoryProblem(vehicle, pieces=5, period=0.1)
-    problem = problem.maximize(BearingSimilarity(2))
-    problem = problem.subject_to_penalty(ThrustLimit(vehicle, gamma=0.98), weight=1000.0, width=0.01, nodes=20)
-    planner = problem.compile()
+problem = TrajectoryProblem(vehicle, pieces=5, period=0.1)
+problem = problem.maximize(BearingSimilarity(2))
+problem = problem.subject_to_penalty(ThrustLimit(vehicle, gamma=0.98), weight=1000.0, width=0.01, nodes=20)
+planner = problem.compile()
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class TrajectoryProblem:
     @property
     def constraints(self) -> tuple[PathConstraint, ...]:
         """Every constraint, however it is treated."""
-        return tuple(limit.constraint for limit in (*self.hard, *self.penalties))
+        return (*(limit.constraint for limit in self.hard), *(soft.constraint for soft in self.penalties))
 
     def compile(self, solver: str = "auto", options: Mapping[str, Any] | None = None) -> Planner:
         """Build the solver once; everything that changes from step to step is a parameter of it.

@@ -104,12 +104,12 @@ class FlatTrajectory:
     @property
     def endpoints(self) -> Array:
         """z̄: the flat output at the end of each piece ``(p, n)``."""
-        return self.knots[1:, 0]
+        return np.asarray(self.knots[1:, 0])
 
     @property
     def coefficients(self) -> Array:
         """c_i of ``eq31``: coefficients of 1, s, …, s^L of each piece ``(p, L+1, n)``."""
-        scale = np.array([1.0 / factorial(order) for order in range(self.degree + 1)])
+        scale: Array = np.array([1.0 / factorial(order) for order in range(self.degree + 1)])
         return np.concatenate([self.knots[:-1], self.top[:, None]], axis=1) * scale[None, :, None]
 
     def sample(self, points: int) -> FlatPoint:

@@ -10,12 +10,18 @@ from numpy.typing import ArrayLike, NDArray
 from gbt_ocp.bearings import condition_number
 from gbt_ocp.tracking.bounds import bearing_bound
 from gbt_ocp.tracking.kernels import KERNELS
-from gbt_ocp.tracking.likelihood import LogLikelihood, LogNormal, maximise
+from gbt_ocp.tracking.likelihood import LogLikelihood, LogNormal, likelier, maximise
 from gbt_ocp.tracking.posterior import Hyperparameters, Posterior, condition
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import Measurements, Window
 
 Array = NDArray[np.float64]
+
+SHORT = -1.0
+"""Logarithm of the share of its prior median below which a length scale is suspected of telling noise."""
+
+NOISY = 1.0e-4
+"""Nugget from which the search for a smooth motion with noise starts."""
 
 SHAPE_BOUNDS = (0.05, 100.0)
 """Range of a kernel's further parameters (α of the rational quadratic)."""
@@ -40,7 +46,7 @@ class GaussianProcessTracker:
     length_scale, amplitude
         A value to keep (s, m), or ``None`` to maximise the likelihood at every update.
     nugget
-        Variance of a measurement relative to the amplitude squared.
+        Variance of a measurement relative to the amplitude squared, or ``None`` to tune it too.
     prior_position, prior_covariance
         What is known of the position when the first bearing is taken: mean ``(d,)`` in metres and covariance
         ``(d, d)`` in m². It counts as a measurement for as long as that bearing is in the window.
@@ -57,6 +63,8 @@ class GaussianProcessTracker:
     amplitude_prior = LogNormal(3.0, 1.0)
     length_scale_bounds = (0.3, 200.0)
     amplitude_bounds = (0.5, 200.0)
+    nugget_prior = LogNormal(1e-11, 4.0)
+    nugget_bounds = (1e-14, 1e-2)
 
     def __init__(
         self,
@@ -67,14 +75,14 @@ class GaussianProcessTracker:
         centre: Literal["origin", "vehicle"] = "vehicle",
         length_scale: float | None = None,
         amplitude: float | None = None,
-        nugget: float = 1e-13,
+        nugget: float | None = None,
         prior_position: ArrayLike | None = None,
         prior_covariance: ArrayLike | None = None,
         start: ArrayLike | None = None,
     ) -> None:
         if kernel not in KERNELS:
             raise ValueError(f"kernel: found {kernel!r}; allowed: {', '.join(KERNELS)}")
-        if not nugget > 0.0:
+        if nugget is not None and not nugget > 0.0:
             raise ValueError(f"nugget: found {nugget}; allowed: a number > 0")
         self.dimension = dimension
         self.window = Window(window)
@@ -104,7 +112,17 @@ class GaussianProcessTracker:
             *[None] * shapes,
             self.amplitude_prior if weak else None,
         ]
-        self._log_theta = np.log([length_scale or 1.0, *[1.0] * shapes, amplitude or self.amplitude_prior.median])
+        first = [
+            length_scale or self.length_scale_prior.median,
+            *[1.0] * shapes,
+            amplitude or self.amplitude_prior.median,
+        ]
+        if nugget is None:
+            self._bounds.append(_log_pair(self.nugget_bounds))
+            self._priors.append(self.nugget_prior)
+            first.append(self.nugget_prior.median)
+        self._log_theta = np.log(first)
+        self._smooth = np.log([*first[:-1], NOISY]) if nugget is None else self._log_theta
         self._posterior: Posterior | None = None
 
     def _prior_rows(self, position: ArrayLike | None, covariance: ArrayLike | None) -> Measurements | None:
@@ -159,11 +177,22 @@ class GaussianProcessTracker:
         measurements = self._measurements()
         if any(high > low for low, high in self._bounds):
             likelihood = LogLikelihood(self._kernel, measurements, self._centre, self._nugget)
-            self._log_theta = maximise(likelihood, self._log_theta, self._bounds, self._priors)
+            self._log_theta = self._tuned(likelihood)
         self._condition(measurements)
 
+    def _tuned(self, likelihood: LogLikelihood) -> Array:
+        """log θ of the largest likelihood near the last one, or of a smooth motion with noise."""
+        warm = maximise(likelihood, self._log_theta, self._bounds, self._priors)
+        if self._nugget is not None or warm[0] > SHORT + np.log(self.length_scale_prior.median):
+            return warm
+        # Noise can be told as a motion that jitters, and from there no local search comes back: ask the other way too.
+        smooth = maximise(likelihood, self._smooth, self._bounds, self._priors)
+        return likelier(likelihood, warm, smooth, self._priors)
+
     def _condition(self, measurements: Measurements) -> Posterior:
-        theta = Hyperparameters(self._log_theta[:-1], float(self._log_theta[-1]), self._nugget)
+        shapes = len(self._kernel.names)
+        nugget = float(np.exp(self._log_theta[-1])) if self._nugget is None else self._nugget
+        theta = Hyperparameters(self._log_theta[:shapes], float(self._log_theta[shapes]), nugget)
         self._posterior, retries = condition(self._kernel, theta, measurements, self._centre)
         self.nugget_retries += retries
         return self._posterior

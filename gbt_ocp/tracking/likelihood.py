@@ -50,7 +50,7 @@ class LogLikelihood:
     """``log p(y|t) = -½ (yᵀ Ω⁻¹ y + log det Ω + R log 2π)`` with R = (d-1) N rows, as a function of log θ.
 
     The paper's ``like1`` has the signs of the last two terms wrong inside its bracket. θ is the kernel's parameters
-    followed by the amplitude, all as logarithms.
+    followed by the amplitude and, where it is tuned, the nugget, all as logarithms.
 
     Parameters
     ----------
@@ -61,10 +61,10 @@ class LogLikelihood:
     centre
         Prior mean ``(d,)``.
     nugget
-        Variance relative to the amplitude squared.
+        Variance relative to the amplitude squared; ``None`` makes its logarithm the last entry of log θ.
     """
 
-    def __init__(self, kernel: Kernel, measurements: Measurements, centre: Array, nugget: float) -> None:
+    def __init__(self, kernel: Kernel, measurements: Measurements, centre: Array, nugget: float | None) -> None:
         t, h = measurements.times, measurements.directions
         self._kernel = kernel
         self._lag = t[:, None] - t[None, :]
@@ -88,11 +88,13 @@ class LogLikelihood:
         NotPositiveDefiniteError
             If Ω has no Cholesky factor.
         """
-        variance = np.exp(2.0 * log_theta[-1])
-        k, derivatives = self._kernel.derivatives(self._lag, log_theta[:-1])
+        shapes = len(self._kernel.names)
+        variance = np.exp(2.0 * log_theta[shapes])
+        nugget = np.exp(log_theta[shapes + 1]) if self._nugget is None else self._nugget
+        k, derivatives = self._kernel.derivatives(self._lag, log_theta[:shapes])
         process = variance * self._gram * k
         diagonal = np.arange(len(process))
-        process[diagonal, diagonal] += variance * self._nugget
+        process[diagonal, diagonal] += variance * nugget
         omega = process.copy()
         omega[diagonal, diagonal] += self._variances
         factor = cholesky(omega)
@@ -100,6 +102,8 @@ class LogLikelihood:
         value = -0.5 * (self._values @ weights + len(weights) * np.log(2.0 * np.pi)) - np.log(factor.diagonal()).sum()
         slopes = [variance * self._gram * dk for dk in derivatives]
         slopes.append(2.0 * process)
+        if self._nugget is None:
+            slopes.append(np.diag(np.full(len(process), variance * nugget)))
         relative = [lapack.dpotrs(factor, slope, lower=1)[0] for slope in slopes]
         gradient = [0.5 * (weights @ s @ weights - np.trace(w)) for s, w in zip(slopes, relative, strict=True)]
         size = len(slopes)
@@ -124,7 +128,7 @@ def maximise(
     start is one, it is returned as it is.
     """
     low, high = np.array(bounds, dtype=float).T
-    theta = np.clip(np.asarray(start, dtype=float), low, high)
+    theta: Array = np.clip(np.asarray(start, dtype=float), low, high)
     here = _posterior_expansion(likelihood, theta, priors)
     if here is None:
         return theta
@@ -151,6 +155,14 @@ def maximise(
         else:
             damping = max(4.0 * damping, 0.3 * float(np.diag(information)[free].max()))
     return theta
+
+
+def likelier(likelihood: LogLikelihood, first: Array, second: Array, priors: Sequence[LogNormal | None]) -> Array:
+    """Whichever log θ has the larger likelihood times priors; the first in a tie."""
+    here, there = (_posterior_expansion(likelihood, theta, priors) for theta in (first, second))
+    if there is None or (here is not None and here[0] >= there[0]):
+        return first
+    return second
 
 
 def _posterior_expansion(

@@ -218,8 +218,9 @@ def _limit(problem: TrajectoryProblem, number: int, limit: HardLimit | PenaltyLi
     )
     hard = int(isinstance(limit, HardLimit))
     definition = (
-        f"    {{{value.numel()}, {len(sides)}, {limit.nodes}, {begin}, {hard}, {given}, {name}_side_row, {name}_side_sign,\n"
-        f"     {name}_side_bound, {name}_side_edge, {name}_side_weight, {name}_side_width,\n"
+        f"    {{{value.numel()}, {len(sides)}, {limit.nodes}, {begin}, {hard}, {given},\n"
+        f"     {name}_side_row, {name}_side_sign, {name}_side_bound,\n"
+        f"     {name}_side_edge, {name}_side_weight, {name}_side_width,\n"
         f"     {name}_value, {name}_jacobian, {name}_curvature,\n"
         f"     {len(slope_rows)}, {name}_jacobian_row, {name}_jacobian_column,\n"
         f"     {len(curve_rows)}, {name}_curvature_row, {name}_curvature_column}}"

@@ -1,0 +1,94 @@
+"""The nugget as a hyperparameter: derivatives, and what it adapts to."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from gbt_ocp.bearings import unit_bearing
+from gbt_ocp.tracking.gp import GaussianProcessTracker
+from gbt_ocp.tracking.kernels import KERNELS
+from gbt_ocp.tracking.likelihood import LogLikelihood
+from gbt_ocp.tracking.window import Measurements
+
+
+def rows(rng, count=14, dimension=2):
+    directions = rng.normal(size=(count, dimension))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return Measurements(np.sort(rng.uniform(0, 3, count)), directions, rng.normal(size=count), np.zeros(count))
+
+
+def covariance(data, log_theta):
+    length, amplitude, nugget = np.exp(log_theta)
+    lag = data.times[:, None] - data.times[None, :]
+    plain = np.exp(-0.5 * (lag / length) ** 2) * (data.directions @ data.directions.T)
+    return amplitude**2 * (plain + nugget * np.eye(len(lag)))
+
+
+THETA = np.log([0.8, 2.0, 0.03])
+
+
+def test_value_is_the_density_and_gradient_its_derivative():
+    data = rows(np.random.default_rng(0))
+    likelihood = LogLikelihood(KERNELS["se"], data, np.zeros(2), None)
+
+    def density(log_theta):
+        return multivariate_normal(np.zeros(len(data.values)), covariance(data, log_theta)).logpdf(data.values)
+
+    value, gradient = likelihood(THETA)
+    assert value == pytest.approx(density(THETA), abs=1e-9)
+    numeric = [(density(THETA + step) - density(THETA - step)) / 2e-5 for step in 1e-5 * np.eye(3)]
+    np.testing.assert_allclose(gradient, numeric, rtol=1e-6, atol=1e-6)
+
+
+def test_information_is_the_covariance_of_the_score():
+    rng = np.random.default_rng(1)
+    data = rows(rng)
+    root = np.linalg.cholesky(covariance(data, THETA))
+    scores = []
+    for _ in range(6000):
+        drawn = Measurements(data.times, data.directions, root @ rng.normal(size=len(root)), data.variances)
+        scores.append(LogLikelihood(KERNELS["se"], drawn, np.zeros(2), None)(THETA)[1])
+    information = LogLikelihood(KERNELS["se"], data, np.zeros(2), None).expand(THETA)[2]
+    # standard error of a covariance of N draws: about sqrt((C_ii C_jj + C_ij²)/N)
+    spread = np.sqrt((np.outer(np.diag(information), np.diag(information)) + information**2) / len(scores))
+    assert np.all(np.abs(np.cov(np.array(scores).T) - information) < 5.0 * spread)
+
+
+def fed(rounding):
+    """A tracker after four seconds of circling a target on a curve, whose positions were rounded."""
+    tracker = GaussianProcessTracker(2)
+    for t in 0.1 * np.arange(40):
+        target = np.array([3.0 * np.cos(0.4 * t), 3.0 * np.sin(0.4 * t)])
+        own = target - 0.4 * np.array([np.cos(6.28 * t), np.sin(6.28 * t)])
+        if rounding:
+            target = np.round(target / rounding) * rounding
+        tracker.update(t, unit_bearing(target, own), own)
+    return tracker
+
+
+def test_the_nugget_finds_the_rounding_of_the_data():
+    exact, rounded, coarse = (fed(rounding) for rounding in (0.0, 1e-4, 1e-2))
+    # exact bearings: as small as it may be
+    assert exact.hyperparameters.nugget < 1e-12
+    for tracker, rounding in ((rounded, 1e-4), (coarse, 1e-2)):
+        theta = tracker.hyperparameters
+        # a rounding to r has a variance of r²/12
+        found = theta.nugget * theta.amplitude**2
+        assert rounding**2 / 12 / 20 < found < 20 * rounding**2 / 12
+        forecast = tracker.predict(3.9 + 0.1 * np.arange(12))
+        truth = 3.0 * np.stack(
+            [np.cos(0.4 * (3.9 + 0.1 * np.arange(12))), np.sin(0.4 * (3.9 + 0.1 * np.arange(12)))], 1
+        )
+        assert np.linalg.norm(forecast.mean - truth, axis=1).mean() < 0.1
+
+
+def test_a_fixed_nugget_below_the_rounding_loses_the_forecast():
+    """Why it is tuned: the same data with the nugget held where exact bearings would have it."""
+    tracker = GaussianProcessTracker(2, nugget=1e-13)
+    for t in 0.1 * np.arange(40):
+        target = np.round(np.array([3.0 * np.cos(0.4 * t), 3.0 * np.sin(0.4 * t)]), 2)
+        own = target - 0.4 * np.array([np.cos(6.28 * t), np.sin(6.28 * t)])
+        tracker.update(t, unit_bearing(target, own), own)
+    forecast = tracker.predict(3.9 + 0.1 * np.arange(12))
+    truth = 3.0 * np.stack([np.cos(0.4 * (3.9 + 0.1 * np.arange(12))), np.sin(0.4 * (3.9 + 0.1 * np.arange(12)))], 1)
+    assert np.linalg.norm(forecast.mean - truth, axis=1).mean() > 0.1
