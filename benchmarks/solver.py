@@ -1,6 +1,7 @@
 """Compiled solver against IPOPT: on recorded closed-loop states, on cold random starts, and over the horizon.
 
-    python benchmarks/solver.py [--study horizon,cold,loop] [--figure docs/figures/solver_benchmark.png]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/solver.py --study horizon,loop --figure docs/figures/solver_benchmark.png
+    OPENBLAS_NUM_THREADS=1 python benchmarks/solver.py --study cold --ipopt 250
 
 Every comparison runs in one process, solver after solver on the same instances, so that ratios hold where
 milliseconds do not. Times are processor time of the thread: other work on the machine does not count.
@@ -8,12 +9,6 @@ Tables are Markdown on standard output.
 """
 
 from __future__ import annotations
-
-import os
-
-# The matrices are small: several BLAS threads only get in each other's way.
-for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(variable, "1")
 
 import argparse
 import sys
@@ -216,7 +211,7 @@ def compare(
     """One table. Ratios are those of the median times on the same steps."""
     solvers: list[tuple[str, Callable[[], Solver], int]] = [
         ("compiled", lambda: CompiledSolver(problem, {}), len(asked)),
-        ("IPOPT, expanded", lambda: IpoptSolver(problem, {}), arguments.ipopt),
+        ("IPOPT, elastic penalty" if problem.penalties else "IPOPT", lambda: IpoptSolver(problem, {}), arguments.ipopt),
         ("IPOPT, compiled callbacks", lambda: _with_compiled_callbacks(problem), arguments.jit),
     ]
     if problem.penalties:

@@ -14,7 +14,7 @@ from gbt_ocp.experiments.build import build_loop
 from gbt_ocp.experiments.loading import load_config
 from gbt_ocp.ocp import BearingSimilarity, Planner, RangePull, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.compiled import CompiledSolver
-from gbt_ocp.ocp.solvers import Solution, Solver
+from gbt_ocp.ocp.solvers import Solution
 from gbt_ocp.ocp.transcription import Binding
 from gbt_ocp.simulation import simulate
 from gbt_ocp.targets import case_target

@@ -221,6 +221,7 @@ _SHOWN = {
     "error_final": "m",
     "distance_median": "m",
     "violation_max": "of the limit",
+    "solver": "",
     "solver_success_rate": "",
     "solver_iterations_mean": "",
     "solver_time_median_ms": "ms",

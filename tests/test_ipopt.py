@@ -101,3 +101,8 @@ def test_tightening_moves_the_penalty_inwards():
 def test_unknown_form_of_the_penalty_is_refused():
     with pytest.raises(ValueError, match=r"solver_options\.penalty: found 'magic'; allowed: elastic, printed"):
         IpoptSolver(penalised_problem(), {"penalty": "magic"})
+
+
+def test_unknown_option_of_ipopt_is_refused_in_one_line():
+    with pytest.raises(ValueError, match=r"^solver_options: No such IPOPT option: max_itre$"):
+        IpoptSolver(penalised_problem(), {"max_itre": 5})

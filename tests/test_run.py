@@ -290,3 +290,9 @@ def test_every_boat_is_followed_for_half_a_minute(path, seed):
     summary = followed(path, 30.0, seed)
     assert summary["error_settled"] < 0.05
     assert summary["violation_max"] == 0.0
+
+
+@pytest.mark.parametrize(("law", "solver", "recorded"), [("planner", "ipopt", "ipopt"), ("static", "auto", None)])
+def test_the_summary_says_which_solver_ran(law, solver, recorded):
+    overrides = ["duration_s=0.3", f"guidance.kind={law}", f"planner.solver={solver}"]
+    assert gbt.run("case2", overrides=overrides).summary["solver"] == recorded

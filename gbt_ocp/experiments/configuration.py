@@ -39,9 +39,9 @@ GUIDANCE_LAWS = {
 """Observer strategies that exist, by ``guidance.kind``."""
 
 SOLVERS = {
-    "auto": "chooses for the formulation",
-    "ipopt": "interior point (IPOPT through CasADi)",
-    "compiled": "generated C, where it is available",
+    "auto": "compiled where a C compiler is found, ipopt otherwise",
+    "compiled": "interior point in C99, generated for the problem",
+    "ipopt": "interior point (IPOPT through CasADi), the reference",
 }
 """Values of ``planner.solver``."""
 

@@ -18,6 +18,7 @@ from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.experiments.faults import ConfigurationError
 from gbt_ocp.experiments.loading import load_config
 from gbt_ocp.experiments.result import History, Result, installed_versions, summarise
+from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.simulation import simulate, step_count
 
 
@@ -111,6 +112,8 @@ def run(
         retries={"tightened": recording.tightened, "nugget": recording.nugget_retries},
         versions=installed_versions(),
     )
+    # `auto` says in the configuration that there was a choice, not what was chosen
+    summary["solver"] = loop.guidance.planner.solver.name if isinstance(loop.guidance, PlannedMotion) else None
     # the limits of a problem's own vehicle stand nowhere in its configuration
     summary["thrust_max"] = loop.vehicle.thrust_max.tolist()
     return Result(configuration, history, summary)

@@ -50,7 +50,7 @@ class IpoptSolver:
     Raises
     ------
     ValueError
-        If the form of the penalty is unknown.
+        If the form of the penalty or an option of IPOPT is unknown.
     """
 
     name = "ipopt"
@@ -66,12 +66,14 @@ class IpoptSolver:
         self._elastic = form == "elastic" and bool(problem.penalties)
         self._slacks = program.excess.numel() if self._elastic else 0
         self._excess = ca.Function("excess", [program.variables, program.parameters], [program.excess, program.width])
-        self._solver = ca.nlpsol(
-            "planner",
-            "ipopt",
-            program.elastic_nlp if self._elastic else program.nlp,
-            {"expand": True, "print_time": False, "error_on_fail": False, "ipopt": DEFAULT_OPTIONS | own},
-        )
+        nlp = program.elastic_nlp if self._elastic else program.nlp
+        settings = {"expand": True, "print_time": False, "error_on_fail": False, "ipopt": DEFAULT_OPTIONS | own}
+        try:
+            self._solver = ca.nlpsol("planner", "ipopt", nlp, settings)
+        except RuntimeError as fault:
+            # CasADi's message is a trail of source lines; the last one says what was wrong
+            reason = str(fault).strip().splitlines()[-1].split(": ", 1)[-1]
+            raise ValueError(f"solver_options: {reason}") from fault
         free = np.full(program.variables.numel(), np.inf)
         none = np.full(self._slacks, np.inf)
         self._least = np.concatenate([-free, np.zeros(self._slacks), -none])
