@@ -67,7 +67,12 @@ class IpoptSolver:
         self._slacks = program.excess.numel() if self._elastic else 0
         self._excess = ca.Function("excess", [program.variables, program.parameters], [program.excess, program.width])
         nlp = program.elastic_nlp if self._elastic else program.nlp
-        settings = {"expand": True, "print_time": False, "error_on_fail": False, "ipopt": DEFAULT_OPTIONS | own}
+        settings: dict[str, Any] = {
+            "expand": True,
+            "print_time": False,
+            "error_on_fail": False,
+            "ipopt": DEFAULT_OPTIONS | own,
+        }
         try:
             self._solver = ca.nlpsol("planner", "ipopt", nlp, settings)
         except RuntimeError as fault:
