@@ -38,6 +38,7 @@ SETTINGS: dict[str, list[str]] = {
     "default, hard, IPOPT": ["planner.formulation=hard", "planner.solver=ipopt"],
     "default, penalty, IPOPT": ["planner.formulation=penalty", "planner.solver=ipopt"],
     "default with prior, hard, IPOPT": ["planner.formulation=hard", "planner.solver=ipopt", PRIOR],
+    "default with prior, hard, compiled": ["planner.formulation=hard", "planner.solver=compiled", PRIOR],
     "default, hard, compiled": ["planner.formulation=hard", "planner.solver=compiled"],
     "default, penalty, compiled": ["planner.formulation=penalty", "planner.solver=compiled"],
     "default with 10 pieces, hard, compiled": [

@@ -120,31 +120,50 @@ def warmed(solver: Solver, item: Instance) -> Solver:
     return solver
 
 
-def horizons(write: Write, samples: Samples, steps: int, cold: int) -> None:
-    """Time over the number of pieces."""
-    for formulation in ("hard", "penalty"):
-        write(f"\nHorizon, 2D, {formulation}, n_c = 4: {steps} warm steps with forecasts that come true, then cold\n")
+def horizons(write: Write, samples: Samples, arguments: argparse.Namespace) -> None:
+    """Time over the number of pieces, for each dimension, node count and formulation."""
+    cold, steps = max(arguments.count // 20, 1), arguments.steps
+    sizes = [(int(d), int(nodes)) for d in arguments.dimensions.split(",") for nodes in arguments.nodes.split(",")]
+    for (dimension, nodes), formulation in ((size, name) for size in sizes for name in ("hard", "penalty")):
+        title = f"{dimension}D, {formulation}, n_c = {nodes}"
+        write(f"\nHorizon, {title}: {steps} warm steps with forecasts that come true, then cold\n")
         write(
-            "| p | solved | iterations (99 %) | median ms | 99 % ms | µs an iteration and piece | cold: solved "
-            "| iterations | median ms |"
+            "| p | solved | iterations (99 %) | median ms | 99 % ms | µs an iteration and piece | worst violation "
+            "| cold: solved | iterations | median ms | IPOPT: solved | iterations | median ms | times compiled "
+            "| compiled's objective minus IPOPT's |"
         )
-        write("|---|---|---|---|---|---|---|---|---|")
+        write("|" + "---|" * 15)
         medians = []
         for pieces in HORIZONS:
-            problem = fossen_problem(2, formulation, 4, pieces)
+            problem = fossen_problem(dimension, formulation, nodes, pieces)
             instances = pursuit_instances(problem, steps)
             solver = warmed(CompiledSolver(problem, {}), instances[0])
             rows = measure(problem, solver, instances)
             times, iterations = times_of(rows), np.array([row.iterations for row in rows])
-            samples.horizon.setdefault(formulation, []).append(times)
+            if (dimension, nodes) == (2, 4):
+                samples.horizon.setdefault(formulation, []).append(times)
             medians.append(np.median(times))
             first = measure(problem, solver, list(cold_instances(problem, cold)))
+            peer = "| | | | |"
+            # beyond some thousand node constraints IPOPT takes minutes to build and to solve
+            if arguments.peer > 0 and nodes * pieces <= 160:
+                picked = np.unique(np.linspace(0, steps - 1, arguments.peer).round().astype(int))
+                other = measure(problem, IpoptSolver(problem, {}), [instances[k] for k in picked])
+                ratio = np.median(times_of(other)) / np.median(times[picked])
+                gaps = [rows[k].objective - o.objective for k, o in zip(picked, other, strict=True) if o.solved]
+                gap = f"{np.mean(gaps):+.4f}" if gaps else ""
+                iterations_there = np.mean([row.iterations for row in other])
+                peer = (
+                    f"{sum(row.solved for row in other)} of {len(other)} | {iterations_there:.1f} "
+                    f"| {np.median(times_of(other)):.1f} | {ratio:.0f} | {gap} |"
+                )
             write(
                 f"| {pieces} | {sum(row.solved for row in rows)} of {len(rows)} "
                 f"| {iterations.mean():.1f} ({np.percentile(iterations, 99):.0f}) | {medians[-1]:.3f} "
                 f"| {np.percentile(times, 99):.3f} | {1e3 * times.sum() / iterations.sum() / pieces:.2f} "
+                f"| {max(row.violation for row in rows):.1e} "
                 f"| {sum(row.solved for row in first)} of {cold} "
-                f"| {np.mean([row.iterations for row in first]):.1f} | {np.median(times_of(first)):.3f} |"
+                f"| {np.mean([row.iterations for row in first]):.1f} | {np.median(times_of(first)):.3f} | {peer}"
             )
         slope = np.polyfit(np.log(HORIZONS), np.log(medians), 1)[0]
         write(f"\nThe median warm time grows as p^{slope:.2f}.")
@@ -267,6 +286,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--study", default="horizon,cold,loop", help="which of horizon, cold, loop")
     parser.add_argument("--steps", type=int, default=100, help="warm steps for each horizon")
+    parser.add_argument("--dimensions", default="2,3", help="d of the horizon study")
+    parser.add_argument("--nodes", default="4,20", help="n_c of the horizon study")
+    parser.add_argument("--peer", type=int, default=5, help="warm steps for IPOPT at each horizon")
     parser.add_argument("--count", type=int, default=1000, help="cold instances for the compiled solver")
     parser.add_argument("--ipopt", type=int, default=100, help="instances for IPOPT")
     parser.add_argument("--printed", type=int, default=30, help="closed-loop steps for IPOPT, penalty as printed")
@@ -291,7 +313,7 @@ def main() -> None:
     studies = arguments.study.split(",")
     samples = Samples()
     if "horizon" in studies:
-        horizons(write, samples, arguments.steps, max(arguments.count // 20, 1))
+        horizons(write, samples, arguments)
     if "loop" in studies:
         closed_loops(write, samples, arguments)
     if "cold" in studies:

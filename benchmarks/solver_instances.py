@@ -91,13 +91,14 @@ def closed_loop_instances(
 
 
 def pursuit_instances(problem: TrajectoryProblem, steps: int) -> list[Instance]:
-    """What the solver is asked when the vehicle follows its plans and the forecast is the true motion (case 2).
+    """What the solver is asked when the vehicle follows its plans and the forecast is the true motion (cases 2 and 5).
 
     The first solve, which is cold, is left out. With forecasts that come true the horizon can be as long as one
     likes; a tracker's would be worthless after a few seconds.
     """
     d, p, period = problem.vehicle.position_dimension, problem.pieces, problem.period
-    target, desired = case_target(2), DesiredBearing(d, 2.0 * np.pi)
+    plane = d == 2
+    target, desired = case_target(2 if plane else 5), DesiredBearing(d, 2.0 * np.pi / (1.0 if plane else 0.4))
     planner = Planner(problem, CompiledSolver(problem, {}))
     planner.solver = recorder = Recorder(planner.solver)
     state = np.zeros((2, d + 1))
