@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -51,8 +52,6 @@ def test_elastic_form_solves_the_penalty_as_scipy_minimises_it():
     problem = penalised_problem(pieces=1)
     start, parameters = random_instance(np.random.default_rng(11), problem)
     program, binding = transcribe(problem), Binding(problem)
-    import casadi as ca
-
     value = ca.Function("value", [program.variables, program.parameters], [program.nlp["f"]])
     vector = binding.vector(start, parameters, [(0.01, 1000.0)], 0.0)
     found = IpoptSolver(problem, {}).solve(start, parameters, np.zeros((1, 3)), cold=True)
@@ -85,15 +84,11 @@ def test_tightening_moves_the_penalty_inwards():
     problem = penalised_problem()
     start, parameters = random_instance(np.random.default_rng(1), problem)
     solver = IpoptSolver(problem, {})
-    vehicle = problem.vehicle
     program = transcribe(problem)
-    import casadi as ca
-
     largest = ca.Function("largest", [program.variables, program.parameters], [ca.mmax(program.excess)])
     vector = Binding(problem).vector(start, parameters, [(0.01, 1000.0)], 0.0)
     loose = solver.solve(start, parameters, np.zeros((3, 3)), cold=True, tightening=0.0)
     tight = solver.solve(start, parameters, np.zeros((3, 3)), cold=True, tightening=0.2)
-    assert vehicle is not None
     assert float(largest(loose.variables.ravel(), vector)) > -0.05
     assert float(largest(tight.variables.ravel(), vector)) < -0.15
 

@@ -54,11 +54,18 @@ def test_information_is_the_covariance_of_the_score():
     assert np.all(np.abs(np.cov(np.array(scores).T) - information) < 5.0 * spread)
 
 
-def fed(rounding):
+AHEAD = 3.9 + 0.1 * np.arange(12)
+
+
+def motion(t):
+    return 3.0 * np.stack([np.cos(0.4 * t), np.sin(0.4 * t)], axis=-1)
+
+
+def fed(rounding, **settings):
     """A tracker after four seconds of circling a target on a curve, whose positions were rounded."""
-    tracker = GaussianProcessTracker(2)
+    tracker = GaussianProcessTracker(2, **settings)
     for t in 0.1 * np.arange(40):
-        target = np.array([3.0 * np.cos(0.4 * t), 3.0 * np.sin(0.4 * t)])
+        target = motion(t)
         own = target - 0.4 * np.array([np.cos(6.28 * t), np.sin(6.28 * t)])
         if rounding:
             target = np.round(target / rounding) * rounding
@@ -75,20 +82,13 @@ def test_the_nugget_finds_the_rounding_of_the_data():
         # a rounding to r has a variance of r²/12
         found = theta.nugget * theta.amplitude**2
         assert rounding**2 / 12 / 20 < found < 20 * rounding**2 / 12
-        forecast = tracker.predict(3.9 + 0.1 * np.arange(12))
-        truth = 3.0 * np.stack(
-            [np.cos(0.4 * (3.9 + 0.1 * np.arange(12))), np.sin(0.4 * (3.9 + 0.1 * np.arange(12)))], 1
-        )
-        assert np.linalg.norm(forecast.mean - truth, axis=1).mean() < 0.1
+        assert mean_error(tracker) < 0.1
+
+
+def mean_error(tracker):
+    return np.linalg.norm(tracker.predict(AHEAD).mean - motion(AHEAD), axis=1).mean()
 
 
 def test_a_fixed_nugget_below_the_rounding_loses_the_forecast():
     """Why it is tuned: the same data with the nugget held where exact bearings would have it."""
-    tracker = GaussianProcessTracker(2, nugget=1e-13)
-    for t in 0.1 * np.arange(40):
-        target = np.round(np.array([3.0 * np.cos(0.4 * t), 3.0 * np.sin(0.4 * t)]), 2)
-        own = target - 0.4 * np.array([np.cos(6.28 * t), np.sin(6.28 * t)])
-        tracker.update(t, unit_bearing(target, own), own)
-    forecast = tracker.predict(3.9 + 0.1 * np.arange(12))
-    truth = 3.0 * np.stack([np.cos(0.4 * (3.9 + 0.1 * np.arange(12))), np.sin(0.4 * (3.9 + 0.1 * np.arange(12)))], 1)
-    assert np.linalg.norm(forecast.mean - truth, axis=1).mean() > 0.1
+    assert mean_error(fed(1e-2, nugget=1e-13)) > 0.1

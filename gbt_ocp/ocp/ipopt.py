@@ -65,7 +65,9 @@ class IpoptSolver:
         self._binding = Binding(problem)
         self._elastic = form == "elastic" and bool(problem.penalties)
         self._slacks = program.excess.numel() if self._elastic else 0
-        self._excess = ca.Function("excess", [program.variables, program.parameters], [program.excess, program.width])
+        if self._elastic:
+            inputs = [program.variables, program.parameters]
+            self._excess = ca.Function("excess", inputs, [program.excess, program.width])
         nlp = program.elastic_nlp if self._elastic else program.nlp
         settings: dict[str, Any] = {
             "expand": True,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -22,6 +22,16 @@ Array = NDArray[np.float64]
 
 TIGHTENINGS = 4
 """How often the limits may be tightened in one step before the solution counts as failed."""
+
+
+class _Attempt(NamedTuple):
+    """One solve with its tightenings; ``trajectory`` is ``None`` if it must not be executed."""
+
+    status: str
+    trajectory: FlatTrajectory | None
+    violation: Array
+    iterations: int
+    tightened: int
 
 
 class Planner:
@@ -109,24 +119,28 @@ class Planner:
 
         shifted = None if self._previous is None else self._previous.shifted()
         guess = self._cold_guess(start) if shifted is None else shifted.top / self._scale
-        first, trajectory, iterations, tightened = self._attempt(start, parameters, guess, cold=shifted is None)
+        first = self._attempt(start, parameters, guess, cold=shifted is None)
+        trajectory, pieces = first.trajectory, first.violation
+        iterations, tightened = first.iterations, first.tightened
         fallback = ""
         if trajectory is None and shifted is not None:
             # From where the vehicle really is, which is where the previous plan led unless it was pushed.
             candidate = FlatTrajectory(self.problem.period, start, shifted.top)
-            if self._check(candidate)[0] <= 0.0:
-                fallback, trajectory = "shifted", candidate
+            broken = self._check(candidate)
+            if broken[0] <= 0.0:
+                fallback, trajectory, pieces = "shifted", candidate, broken
         if trajectory is None and shifted is not None:
             fallback = "cold"
-            _, trajectory, more, again = self._attempt(start, parameters, self._cold_guess(start), cold=True)
-            iterations, tightened = iterations + more, tightened + again
+            again = self._attempt(start, parameters, self._cold_guess(start), cold=True)
+            trajectory, pieces = again.trajectory, again.violation
+            iterations, tightened = iterations + again.iterations, tightened + again.tightened
         if trajectory is None:
             fallback, trajectory = "braking", self._braking(start)
+            pieces = self._check(trajectory)
         self._previous = trajectory
-        pieces = self._check(trajectory)
         return Plan(
             trajectory=trajectory,
-            status=first,
+            status=first.status,
             objective=self.objective(trajectory, parameters),
             violation=max(float(pieces.max()), 0.0),
             piece_violation=np.maximum(pieces, 0.0),
@@ -143,26 +157,23 @@ class Planner:
             guess[0] = -start[-1] / self.problem.period / self._scale
         return guess
 
-    def _attempt(
-        self, start: Array, parameters: list[Array], guess: Array, *, cold: bool
-    ) -> tuple[str, FlatTrajectory | None, int, int]:
-        """Solve, check the piece to be executed, tighten where needed.
-
-        Returns status, trajectory (``None`` if it must not be executed), iterations, and the number of tightenings.
-        """
+    def _attempt(self, start: Array, parameters: list[Array], guess: Array, *, cold: bool) -> _Attempt:
+        """Solve, check the piece to be executed, tighten where needed."""
+        nothing = np.zeros(0)
         tightening, iterations = 0.0, 0
         for tightened in range(TIGHTENINGS + 1):
             solution: Solution = self.solver.solve(start, parameters, guess, cold=cold, tightening=tightening)
             iterations += solution.iterations
             if not solution.solved:
-                return solution.status, None, iterations, tightened
+                return _Attempt(solution.status, None, nothing, iterations, tightened)
             if not np.all(np.isfinite(solution.variables)):
-                return "not finite", None, iterations, tightened
+                return _Attempt("not finite", None, nothing, iterations, tightened)
             trajectory = FlatTrajectory(self.problem.period, start, solution.variables * self._scale)
-            broken = float(self._check(trajectory)[0])
+            pieces = self._check(trajectory)
+            broken = float(pieces[0])
             if broken <= 0.0:
-                return solution.status, trajectory, iterations, tightened
+                return _Attempt(solution.status, trajectory, pieces, iterations, tightened)
             # a little more than was found, so that one round nearly always does it
             tightening += 1.2 * broken + 1e-4
             guess, cold = solution.variables, False
-        return "limits broken between nodes", None, iterations, TIGHTENINGS
+        return _Attempt("limits broken between nodes", None, nothing, iterations, TIGHTENINGS)
