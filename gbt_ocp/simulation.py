@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
@@ -12,13 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
-from gbt_ocp.bearings import DesiredBearing
+from gbt_ocp.bearings import DesiredBearing, condition_number, cumulative_bearing_matrix
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.sensors import BearingSensor
 from gbt_ocp.targets import Target
-from gbt_ocp.tracking.gp import GaussianProcessTracker
+from gbt_ocp.tracking.protocol import GaussianProcess, Tracker
 from gbt_ocp.vehicles import Vehicle
 
 Array = NDArray[np.float64]
@@ -37,6 +38,8 @@ class ClosedLoop:
         The parts.
     desired
         λ*(t), recorded beside what was measured.
+    window
+        N_c, bearings that the recorded condition number counts.
     forecast
         n, periods predicted ahead.
     follow
@@ -50,10 +53,11 @@ class ClosedLoop:
 
     target: Target
     sensor: BearingSensor
-    tracker: GaussianProcessTracker
+    tracker: Tracker
     guidance: Guidance
     vehicle: Vehicle
     desired: DesiredBearing
+    window: int
     forecast: int
     follow: Literal["exact", "dynamics"]
     bound_delta: float
@@ -161,10 +165,11 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
     flat = np.asarray(start, dtype=float)
     state = vehicle.state(flat[0], flat[1])
     rows: list[dict[str, Any]] = []
+    seen: deque[Array] = deque(maxlen=loop.window)
     tightened = 0
     for k in range(step_count(duration, period)):
         t = k * period
-        times = t + period * np.arange(loop.forecast + 1)
+        times: Array = t + period * np.arange(loop.forecast + 1)
         truth = loop.target.position(times)
         own = vehicle.pose(state)[: loop.target.dimension]
         bearing = loop.sensor.measure(k, truth[0], own, loop.rng)
@@ -172,12 +177,12 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
         began = perf_counter()
         if bearing is not None:
             loop.tracker.update(t, bearing, own)
+            seen.append(bearing)
         forecast = loop.tracker.predict(times)
         tracker_time = perf_counter() - began
 
         decision = loop.guidance.decide(t, flat, forecast)
         move = mover.follow(decision) if isinstance(decision, Plan) else mover.hold(state, decision)
-        theta = loop.tracker.hyperparameters
         row: dict[str, Any] = {
             "t": t,
             "vehicle_pose": vehicle.pose(state),
@@ -191,21 +196,32 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
             "forecast_mean": forecast.mean,
             "forecast_cov": forecast.covariance,
             "error": np.linalg.norm(forecast.mean - truth, axis=1),
-            "length_scale": theta.length_scale,
-            "amplitude": theta.amplitude,
-            "nugget": theta.nugget,
-            "condition_number": loop.tracker.condition_number,
-            "bound": loop.tracker.bound(times, loop.bound_delta),
+            "condition_number": condition_number(cumulative_bearing_matrix(seen)) if seen else np.inf,
             "tracker_time": tracker_time,
         }
         if isinstance(decision, Plan):
             tightened += decision.tightened
-        rows.append(row | _solver_columns(decision, vehicle))
+        rows.append(row | _tracker_columns(loop, times) | _solver_columns(decision, vehicle))
         if progress is not None:
             progress(k, float(np.mean(row["error"])), rows[-1]["solver_time"])
         flat, state = move.flat, move.state
     arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    return Recording(arrays, tightened, loop.tracker.nugget_retries)
+    retries = loop.tracker.nugget_retries if isinstance(loop.tracker, GaussianProcess) else 0
+    return Recording(arrays, tightened, retries)
+
+
+def _tracker_columns(loop: ClosedLoop, times: Array) -> dict[str, Any]:
+    """Hyperparameters and error bound; NaN from a tracker that has none."""
+    if not isinstance(loop.tracker, GaussianProcess):
+        unknown = dict.fromkeys(("length_scale", "amplitude", "nugget"), np.nan)
+        return {**unknown, "bound": np.full(len(times), np.nan)}
+    theta = loop.tracker.hyperparameters
+    return {
+        "length_scale": theta.length_scale,
+        "amplitude": theta.amplitude,
+        "nugget": theta.nugget,
+        "bound": loop.tracker.bound(times, loop.bound_delta),
+    }
 
 
 def _solver_columns(decision: Plan | Array, vehicle: Vehicle) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from gbt_ocp.simulation import ClosedLoop
 from gbt_ocp.targets import Target, case_target
 from gbt_ocp.targets import TrackTarget as RecordedTarget
 from gbt_ocp.tracking.gp import GaussianProcessTracker
+from gbt_ocp.tracking.protocol import Tracker
 from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenParameters, Vehicle
 from gbt_ocp.vehicles import FossenVehicle as Fossen
 
@@ -106,7 +107,7 @@ def build_sensor(configuration: Configuration) -> BearingSensor:
     )
 
 
-def build_tracker(configuration: Configuration, start: Array) -> GaussianProcessTracker:
+def build_tracker(configuration: Configuration, start: Array) -> Tracker:
     """The tracker; ``start`` is the vehicle's first position ``(d,)``."""
     section, prior = configuration.tracker, configuration.tracker.prior
     covariance = None
@@ -200,6 +201,7 @@ def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
         guidance=build_guidance(configuration, vehicle, desired, streams.guidance),
         vehicle=vehicle,
         desired=desired,
+        window=configuration.tracker.window,
         forecast=configuration.tracker.forecast,
         follow=configuration.vehicle.follow,
         bound_delta=configuration.tracker.bound_delta,

@@ -7,7 +7,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gbt_ocp.bearings import condition_number
 from gbt_ocp.tracking.bounds import bearing_bound
 from gbt_ocp.tracking.kernels import KERNELS
 from gbt_ocp.tracking.likelihood import LogLikelihood, LogNormal, likelier, maximise
@@ -210,11 +209,6 @@ class GaussianProcessTracker:
     def hyperparameters(self) -> Hyperparameters:
         """θ, with the nugget that the last factorisation needed."""
         return self.posterior.hyperparameters
-
-    @property
-    def condition_number(self) -> float:
-        """cond(P_{c:k}) of the window; infinite without bearings."""
-        return condition_number(self.window.bearing_matrix()) if len(self.window) else float("inf")
 
     def bound(self, times: ArrayLike, delta: float) -> Array:
         """Bound of theorem 1 on the error at all of the times ``(K,)`` at once, in metres ``(K,)``."""

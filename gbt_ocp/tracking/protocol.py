@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:  # the posterior returns forecasts
+    from gbt_ocp.tracking.posterior import Hyperparameters
 
 Array = NDArray[np.float64]
 
@@ -33,3 +36,18 @@ class Tracker(Protocol):
 
     def predict(self, times: ArrayLike) -> Forecast:
         """Posterior of the target's position at the times ``(K,)`` in seconds."""
+
+
+@runtime_checkable
+class GaussianProcess(Tracker, Protocol):
+    """A tracker that tunes a kernel on its window and bounds its own error; the closed loop records both."""
+
+    nugget_retries: int
+    """How often the nugget had to be raised before a factorisation succeeded."""
+
+    @property
+    def hyperparameters(self) -> Hyperparameters:
+        """θ of the latest posterior."""
+
+    def bound(self, times: ArrayLike, delta: float) -> Array:
+        """Bound on the error at the times ``(K,)`` that holds with probability ``1 - delta``, in metres ``(K,)``."""
