@@ -169,7 +169,7 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
     tightened = 0
     for k in range(step_count(duration, period)):
         t = k * period
-        times: Array = t + period * np.arange(loop.forecast + 1)
+        times = np.asarray(t + period * np.arange(loop.forecast + 1), dtype=float)
         truth = loop.target.position(times)
         own = vehicle.pose(state)[: loop.target.dimension]
         bearing = loop.sensor.measure(k, truth[0], own, loop.rng)
