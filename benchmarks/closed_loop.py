@@ -29,11 +29,18 @@ PRIOR = "tracker.prior={{position: {origin}, std: 3.0}}"
 
 SETTINGS: dict[str, list[str]] = {
     "paper, hard, IPOPT": ["preset=paper", "planner.formulation=hard", "planner.solver=ipopt"],
-    "paper with 10 pieces, hard, IPOPT": [
+    "paper without a pull, hard, IPOPT": [
+        "preset=paper",
+        "planner.formulation=hard",
+        "planner.solver=ipopt",
+        "planner.range_pull=0",
+    ],
+    "paper with 10 pieces and no pull, hard, IPOPT": [
         "preset=paper",
         "planner.formulation=hard",
         "planner.solver=ipopt",
         "planner.pieces=10",
+        "planner.range_pull=0",
     ],
     "default, hard, IPOPT": ["planner.formulation=hard", "planner.solver=ipopt"],
     "default, penalty, IPOPT": ["planner.formulation=penalty", "planner.solver=ipopt"],

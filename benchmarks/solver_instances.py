@@ -42,7 +42,9 @@ class Recorder:
         self.check = solver.check
         self.asked: list[Instance] = []
 
-    def solve(self, start: Any, objectives: Any, guess: Any, *, cold: bool, tightening: float) -> Solution:
+    def solve(
+        self, start: Any, objectives: Any, guess: Any, *, cold: bool, tightening: float, limits: Any = ()
+    ) -> Solution:
         """Solve, and remember."""
         self.asked.append(Instance(start.copy(), list(objectives), guess.copy(), cold, tightening))
         return self._solver.solve(start, objectives, guess, cold=cold, tightening=tightening)

@@ -16,12 +16,15 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gbt_ocp.experiments.comparison.compare import Comparison, compare
     from gbt_ocp.experiments.configuration import Configuration
     from gbt_ocp.experiments.faults import ConfigurationError
     from gbt_ocp.experiments.loading import load_config
     from gbt_ocp.experiments.problem import TrackingProblem
     from gbt_ocp.experiments.result import History, Result
     from gbt_ocp.experiments.run import run
+    from gbt_ocp.experiments.studies.reproducing import reproduce
+    from gbt_ocp.experiments.sweep.sweeping import Sweep, sweep
 
 try:
     __version__ = version("gbt_ocp")
@@ -29,16 +32,34 @@ except PackageNotFoundError:  # a checkout that was not installed
     __version__ = "0.0.0"
 
 _HOMES = {
+    "Comparison": "comparison.compare",
     "Configuration": "configuration",
     "ConfigurationError": "faults",
     "History": "result",
     "Result": "result",
+    "Sweep": "sweep.sweeping",
     "TrackingProblem": "problem",
+    "compare": "comparison.compare",
     "load_config": "loading",
+    "reproduce": "studies.reproducing",
     "run": "run",
+    "sweep": "sweep.sweeping",
 }
 
-__all__ = ["Configuration", "ConfigurationError", "History", "Result", "TrackingProblem", "load_config", "run"]
+__all__ = [
+    "Comparison",
+    "Configuration",
+    "ConfigurationError",
+    "History",
+    "Result",
+    "Sweep",
+    "TrackingProblem",
+    "compare",
+    "load_config",
+    "reproduce",
+    "run",
+    "sweep",
+]
 
 
 def __getattr__(name: str) -> Any:

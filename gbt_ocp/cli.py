@@ -22,9 +22,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MKL_NUM_THREADS", "1")
 
 from gbt_ocp.experiments import catalogue
-from gbt_ocp.experiments.configuration import GUIDANCE_LAWS, SOLVERS, TRACKERS, Configuration, schema
+from gbt_ocp.experiments.configuration import SOLVERS, Configuration, schema
 from gbt_ocp.experiments.faults import ConfigurationError
+from gbt_ocp.experiments.guidance_sections import GUIDANCE_LAWS
 from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.studies import STUDIES
+from gbt_ocp.experiments.tracker_sections import TRACKERS
 
 if TYPE_CHECKING:
     from gbt_ocp.experiments.result import Result
@@ -101,6 +104,50 @@ def _parser() -> argparse.ArgumentParser:
     codegen.add_argument("--verify", action="store_true", help="build it, run its recorded steps, make it fail")
     codegen.set_defaults(subcommand=_codegen)
 
+    sweep = commands.add_parser("sweep", help="run an experiment with many seeds and with any keys varied")
+    sweep.add_argument("config", metavar="CONFIG", nargs="?", help="a shipped configuration or a YAML file")
+    sweep.add_argument("--runs", metavar="N", type=_count, help="seeds of every variant")
+    sweep.add_argument("--seed-from", metavar="S", type=_seed, default=0, help="the first seed (default: 0)")
+    sweep.add_argument(
+        "--grid",
+        metavar="KEY.PATH=V1,V2",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="values of a key; all combinations are run",
+    )
+    sweep.add_argument("--list", metavar="FILE", type=Path, help="a YAML list of variants, mappings of keys")
+    sweep.add_argument(
+        "--set", metavar="KEY.PATH=VALUE", nargs="+", action="extend", default=[], help="replace keys in all runs"
+    )
+    sweep.add_argument("--no-histories", action="store_true", help="keep summaries only, no history.npz")
+    _add_engine(sweep)
+    sweep.set_defaults(subcommand=_sweep)
+
+    reproduce = commands.add_parser("reproduce", help="make a table or a figure of the paper anew")
+    reproduce.add_argument("study", metavar="STUDY", choices=[*STUDIES, "all"], help=", ".join([*STUDIES, "all"]))
+    reproduce.add_argument("--runs", metavar="N", type=_count, default=50, help="runs of every variant (default: 50)")
+    reproduce.add_argument("--seed-from", metavar="S", type=_seed, default=0, help="the first seed (default: 0)")
+    reproduce.add_argument("--tune", action="store_true", help="search for the parameters of the methods anew")
+    _add_engine(reproduce)
+    reproduce.set_defaults(subcommand=_reproduce)
+
+    compare = commands.add_parser("compare", help="compare treatments of the thrust limits on the same problems")
+    compare.add_argument("config", metavar="CONFIG", nargs="+", help="shipped configurations or YAML files")
+    compare.add_argument("--formulations", metavar="NAME,NAME", type=_names, help="by default all (see the report)")
+    compare.add_argument("--solvers", metavar="NAME,NAME", type=_names, help="ipopt, compiled (default: both)")
+    compare.add_argument("--runs", metavar="N", type=_count, default=10, help="seeds in closed loop (default: 10)")
+    compare.add_argument(
+        "--problems", metavar="N", type=_count, default=200, help="recorded problems of each CONFIG (default: 200)"
+    )
+    compare.add_argument(
+        "--set", metavar="KEY.PATH=VALUE", nargs="+", action="extend", default=[], help="replace single keys"
+    )
+    compare.add_argument("--out", metavar="DIR", type=Path, help="a new or empty folder, or one to go on with")
+    compare.add_argument("--jobs", metavar="J", type=_count, help="processes (default: one a core)")
+    compare.add_argument("--quiet", action="store_true", help="show no progress")
+    compare.set_defaults(subcommand=_compare)
+
     commands.add_parser("schema", help="print the JSON schema of the YAML, for editors").set_defaults(
         subcommand=_schema
     )
@@ -108,6 +155,23 @@ def _parser() -> argparse.ArgumentParser:
         subcommand=_list
     )
     return parser
+
+
+def _add_engine(parser: argparse.ArgumentParser) -> None:
+    """Add who carries out the runs, and where they are kept."""
+    who = parser.add_mutually_exclusive_group()
+    who.add_argument("--jobs", metavar="J", type=_count, help="processes (default: one a core)")
+    who.add_argument("--dask", metavar="ADDRESS", help="scheduler of a dask.distributed cluster, or local")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--out", metavar="DIR", type=Path, help="a new or empty folder (default: a new one in runs/)")
+    where.add_argument("--resume", metavar="DIR", type=Path, help="take up what was begun in this folder")
+    parser.add_argument("--quiet", action="store_true", help="show no progress")
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"found {text!r}; allowed: a whole number >= 1")
+    return int(text)
 
 
 def _seed(text: str) -> int:
@@ -176,6 +240,104 @@ def _new_folder(configuration: Configuration) -> Path:
         count += 1
         folder = Path("runs") / f"{base}-{count}"
     return folder
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",")]
+
+
+def _compare(arguments: argparse.Namespace) -> int:
+    from gbt_ocp.experiments.comparison.compare import ComparisonInterruptedError, compare
+
+    chosen = {name: getattr(arguments, name) for name in ("formulations", "solvers")}
+    try:
+        done = compare(
+            arguments.config,
+            **{name: names for name, names in chosen.items() if names is not None},
+            runs=arguments.runs,
+            problems=arguments.problems,
+            overrides=arguments.set,
+            out=arguments.out,
+            jobs=arguments.jobs,
+            progress=not arguments.quiet,
+        )
+    except ComparisonInterruptedError as interrupt:
+        print(f"interrupted: {interrupt}", file=sys.stderr)
+        return INTERRUPTED
+    print("\n".join(done.verdict))
+    print(f"\n{done.folder / 'report.md'}")
+    return DONE
+
+
+def _sweep(arguments: argparse.Namespace) -> int:
+    from gbt_ocp.experiments.sweep.plan import read_axis, read_entries
+    from gbt_ocp.experiments.sweep.sweeping import SweepInterrupted, sweep
+
+    if arguments.config is None and arguments.resume is None:
+        raise ConfigurationError(["CONFIG: found nothing; allowed: a configuration, or --resume DIR"])
+    if arguments.config is None and (arguments.runs or arguments.grid or arguments.list or arguments.set):
+        raise ConfigurationError(["CONFIG: found nothing; allowed: a configuration beside --runs, --grid, ..."])
+    if arguments.config is not None and arguments.runs is None:
+        raise ConfigurationError(["--runs: found nothing; allowed: a whole number >= 1"])
+    grid: dict[str, list[Any]] = {}
+    for key, values in map(read_axis, arguments.grid):
+        if key in grid:
+            raise ConfigurationError([f"--grid: found {key} twice; allowed: every key once"])
+        grid[key] = values
+    try:
+        done = sweep(
+            arguments.config,
+            runs=arguments.runs,
+            seed_from=arguments.seed_from,
+            grid=grid,
+            entries=None if arguments.list is None else read_entries(arguments.list),
+            overrides=arguments.set,
+            jobs=arguments.jobs,
+            dask=arguments.dask,
+            out=arguments.out,
+            resume=arguments.resume,
+            histories=not arguments.no_histories,
+            progress=not arguments.quiet,
+        )
+    except SweepInterrupted as interrupt:
+        print(f"interrupted: {interrupt}; go on with: gbt-ocp sweep --resume {interrupt.folder}", file=sys.stderr)
+        return INTERRUPTED
+    print(done.folder / "runs.csv")
+    if done.failed:
+        first = done.failed[0]
+        print(
+            f"{len(done.failed)} of {len(done.rows)} runs failed; run {first['run']}: {first['error']}", file=sys.stderr
+        )
+        return PROGRAM_FAULT
+    # None where no thrust was applied: a method may place the vehicle.
+    worst = max((row["violation_max"] for row in done.rows if row["violation_max"] is not None), default=0.0)
+    return DONE if _limits_kept(worst) else LIMIT_BROKEN
+
+
+def _reproduce(arguments: argparse.Namespace) -> int:
+    from gbt_ocp.experiments.studies.reproducing import reproduce
+    from gbt_ocp.experiments.sweep.sweeping import SweepInterrupted
+
+    try:
+        folder, reports = reproduce(
+            arguments.study,
+            runs=arguments.runs,
+            seed_from=arguments.seed_from,
+            jobs=arguments.jobs,
+            dask=arguments.dask,
+            out=arguments.out,
+            resume=arguments.resume,
+            tune=arguments.tune,
+            progress=not arguments.quiet,
+        )
+    except SweepInterrupted as interrupt:
+        again = f"gbt-ocp reproduce {arguments.study} --runs {arguments.runs} --resume {interrupt.folder.parents[1]}"
+        print(f"interrupted: {interrupt}; go on with: {again}", file=sys.stderr)
+        return INTERRUPTED
+    for name, report in reports.items():
+        print(report.markdown())
+        print(folder / name)
+    return DONE
 
 
 def _codegen(arguments: argparse.Namespace) -> int:

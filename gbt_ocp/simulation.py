@@ -14,12 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from gbt_ocp.bearings import DesiredBearing, condition_number, cumulative_bearing_matrix
-from gbt_ocp.guidance.protocol import Guidance
-from gbt_ocp.ocp.plan import Plan
-from gbt_ocp.ocp.trajectory import FlatTrajectory
+from gbt_ocp.guidance.protocol import Guidance, Placement
+from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.sensors import BearingSensor
 from gbt_ocp.targets import Target
-from gbt_ocp.tracking.protocol import GaussianProcess, Tracker
+from gbt_ocp.tracking.protocol import GaussianProcess, PositionTracker, Tracker
 from gbt_ocp.vehicles import Vehicle
 
 Array = NDArray[np.float64]
@@ -48,12 +47,12 @@ class ClosedLoop:
     bound_delta
         δ of the recorded error bound.
     rng
-        Source of the sensor's draws.
+        Source of the sensor's draws, and of the noise of the positions that a :class:`PositionTracker` is given.
     """
 
     target: Target
     sensor: BearingSensor
-    tracker: Tracker
+    tracker: Tracker | PositionTracker
     guidance: Guidance
     vehicle: Vehicle
     desired: DesiredBearing
@@ -87,12 +86,12 @@ class Mover:
         self._thrust = self._thrust_at.map(GRID)
 
     def follow(self, plan: Plan) -> Move:
-        """Execute the first piece of a plan."""
+        """Execute a plan for one period, from what has elapsed of it."""
         limit = self._vehicle.thrust_max
-        first = FlatTrajectory(self._period, plan.trajectory.start, plan.trajectory.top[:1])
+        first = plan.trajectory.segment(plan.elapsed, self._period)
         thrust = np.asarray(self._thrust(*(values[0].T for values in first.sample(GRID)))).T
         peak = np.max(np.abs(thrust), axis=0) / limit
-        flat = plan.trajectory.knots[1]
+        flat = first.knots[1]
         if self._exact:
             return Move(flat, self._vehicle.state(flat[0], flat[1]), thrust[0], peak)
 
@@ -100,7 +99,7 @@ class Mover:
             wanted = np.asarray(self._thrust_at(*(first(s, order) for order in range(3)))).ravel()
             return np.clip(wanted, -limit, limit)
 
-        state = self._integrate(self._vehicle.state(*plan.trajectory.start[:2]), applied)
+        state = self._integrate(self._vehicle.state(*first.start[:2]), applied)
         z, dz = self._vehicle.flat(state)
         return Move(np.vstack([z, dz, flat[2:]]), state, np.clip(thrust[0], -limit, limit), np.minimum(peak, 1.0))
 
@@ -109,6 +108,13 @@ class Mover:
         end = self._integrate(state, lambda s: thrust)
         z, dz = self._vehicle.flat(end)
         return Move(np.vstack([z, dz]), end, thrust, np.abs(thrust) / self._vehicle.thrust_max)
+
+    def place(self, state: Array, position: Array) -> Move:
+        """Put the vehicle somewhere, at rest and with the same yaw; there is no thrust to speak of."""
+        z = self._vehicle.flat(state)[0].copy()
+        z[: len(position)] = position
+        none = np.full(self._vehicle.thrust_max.shape, np.nan)
+        return Move(np.vstack([z, 0.0 * z]), self._vehicle.state(z, 0.0 * z), none, none)
 
     def _integrate(self, state: Array, thrust: Callable[[float], Array]) -> Array:
         found = solve_ivp(
@@ -173,16 +179,25 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
         truth = loop.target.position(times)
         own = vehicle.pose(state)[: loop.target.dimension]
         bearing = loop.sensor.measure(k, truth[0], own, loop.rng)
+        position = _measured_position(loop, truth[0])
 
         began = perf_counter()
         if bearing is not None:
-            loop.tracker.update(t, bearing, own)
+            if isinstance(loop.tracker, PositionTracker):
+                loop.tracker.update_position(t, position)
+            else:
+                loop.tracker.update(t, bearing, own)
             seen.append(bearing)
         forecast = loop.tracker.predict(times)
         tracker_time = perf_counter() - began
 
         decision = loop.guidance.decide(t, flat, forecast)
-        move = mover.follow(decision) if isinstance(decision, Plan) else mover.hold(state, decision)
+        if isinstance(decision, Plan):
+            move = mover.follow(decision)
+        elif isinstance(decision, Placement):
+            move = mover.place(state, decision.position)
+        else:
+            move = mover.hold(state, decision.thrust[0] if isinstance(decision, ShootingPlan) else decision)
         row: dict[str, Any] = {
             "t": t,
             "vehicle_pose": vehicle.pose(state),
@@ -199,7 +214,7 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
             "condition_number": condition_number(cumulative_bearing_matrix(seen)) if seen else np.inf,
             "tracker_time": tracker_time,
         }
-        if isinstance(decision, Plan):
+        if isinstance(decision, Plan | ShootingPlan):
             tightened += decision.tightened
         rows.append(row | _tracker_columns(loop, times) | _solver_columns(decision, vehicle))
         if progress is not None:
@@ -210,24 +225,33 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
     return Recording(arrays, tightened, retries)
 
 
+def _measured_position(loop: ClosedLoop, target: Array) -> Array:
+    """What a tracker of positions is given ``(d,)``, drawn whether or not it is missed; others see no position."""
+    if not isinstance(loop.tracker, PositionTracker):
+        return np.full(target.shape, np.nan)
+    return np.asarray(target + loop.tracker.position_std * loop.rng.standard_normal(target.shape))
+
+
 def _tracker_columns(loop: ClosedLoop, times: Array) -> dict[str, Any]:
     """Hyperparameters and error bound; NaN from a tracker that has none."""
     if not isinstance(loop.tracker, GaussianProcess):
         unknown = dict.fromkeys(("length_scale", "amplitude", "nugget"), np.nan)
-        return {**unknown, "bound": np.full(len(times), np.nan)}
+        dimension = loop.target.dimension
+        return {**unknown, "prior_cov": np.full((dimension,) * 2, np.nan), "bound": np.full(len(times), np.nan)}
     theta = loop.tracker.hyperparameters
     return {
         "length_scale": theta.length_scale,
         "amplitude": theta.amplitude,
         "nugget": theta.nugget,
+        "prior_cov": loop.tracker.prior_covariance,
         "bound": loop.tracker.bound(times, loop.bound_delta),
     }
 
 
-def _solver_columns(decision: Plan | Array, vehicle: Vehicle) -> dict[str, Any]:
+def _solver_columns(decision: Plan | ShootingPlan | Placement | Array, vehicle: Vehicle) -> dict[str, Any]:
     """What is recorded of a plan; neutral entries where no problem was solved."""
-    if isinstance(decision, Plan):
-        ends = decision.trajectory.knots[1:]
+    if isinstance(decision, Plan | ShootingPlan):
+        ends = decision.knots[1:]
         return {
             "objective": decision.objective,
             "violation": decision.violation,

@@ -94,6 +94,7 @@ def history(dimension: int = 2, steps: int = 300, planner: bool = True, tuned: b
         plan=rng.normal(size=(count, pieces if planner else 0, outputs)),
         tracker_time=0.002 + 0.001 * rng.random(count),
         nugget=np.full(count, 1e-10),
+        prior_cov=np.broadcast_to(4.0 * np.eye(dimension), (count, dimension, dimension)),
         fallback=fallback,
         desired_bearing=bearing,
         piece_thrust_peak=peak,

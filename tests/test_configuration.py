@@ -34,7 +34,7 @@ FAULTS = [
     ("sensor.period_ms", {"sensor": {"period_ms": 100}}, "period_s, noise_deg"),
     ("sensor", {"sensor": 3}, "a mapping with the keys period_s"),
     ("sensor", {"sensor": None}, "a mapping with the keys period_s"),
-    ("tracker.kind", {"tracker": {"kind": "plkf"}}, "gp"),
+    ("tracker.kind", {"tracker": {"kind": "ekf"}}, "gp"),
     ("tracker.window", {"tracker": {"window": 1}}, "a whole number >= 2"),
     ("tracker.window", {"tracker": {"window": 20.5}}, "a whole number >= 2"),
     ("tracker.forecast", {"tracker": {"forecast": 0}}, "a whole number >= 1"),
@@ -68,11 +68,33 @@ FAULTS = [
         {"tracker": {"prior": {"position": [0, 0], "covariance": [[1.0]]}}},
         "symmetric positive definite 2 x 2",
     ),
-    ("guidance.kind", {"guidance": {"kind": "helical"}}, "constant_force, planner, random, static"),
-    ("guidance.kind", {"guidance": {"kind": ["static"]}}, "constant_force, planner, random, static"),
+    (
+        "guidance.kind",
+        {"guidance": {"kind": "spiral"}},
+        "circumnavigation, constant_force, fim_placement, helical, planner, random, static",
+    ),
+    (
+        "guidance.kind",
+        {"guidance": {"kind": ["static"]}},
+        "constant_force, fim_placement, helical, planner, random, static",
+    ),
     ("guidance.force", {"guidance": {"kind": "constant_force", "force": [1.0, 2.0]}}, "3 numbers"),
     ("guidance.hold_s", {"guidance": {"kind": "random", "hold_s": 0}}, "a number > 0"),
     ("guidance.hold_s", {"guidance": {"kind": "static", "hold_s": 1.0}}, "kind"),
+    ("planner.period_s", {"planner": {"period_s": 0.25}}, "null, or a whole multiple of sensor.period_s = 0.1"),
+    ("planner.pieces", {"planner": {"period_s": 0.5}}, "at most tracker.forecast = 11 sampling periods"),
+    ("limits.range", {"limits": {"range": {}}}, "at least one of nearest_m, farthest_m"),
+    ("limits.range.nearest_m", {"limits": {"range": {"nearest_m": 3, "farthest_m": 2}}}, "a number < farthest_m = 2"),
+    ("limits.range.confidence", {"limits": {"range": {"nearest_m": 3, "confidence": 1.0}}}, "a number in [0.5, 1)"),
+    ("limits.depth", {"limits": {"depth": {"lowest_m": -9.0, "highest_m": -1.0}}}, "null in 2 dimensions"),
+    ("limits.keep_out", {"limits": {"keep_out": [{"radius_m": 2.0}]}}, "centre_m and radius_m, or with corners_m"),
+    (
+        "limits.keep_out.1.radius_m",
+        {"limits": {"keep_out": [{"centre_m": [0, 0], "radius_m": 2}, {"centre_m": [0, 0], "radius_m": 0}]}},
+        "a number > 0",
+    ),
+    ("limits.bow_angle_deg", {"limits": {"bow_angle_deg": 180}}, "a number in (0, 180)"),
+    ("limits.hard", {"limits": {"hard": ["thrust"]}}, "a list of range, keep_out"),
     ("planner.pieces", {"planner": {"pieces": 12}}, "a whole number from 1 to tracker.forecast = 11 (p <= n)"),
     ("planner.pieces", {"tracker": {"forecast": 4}}, "a whole number from 1 to tracker.forecast = 4 (p <= n)"),
     ("planner.pieces", {"planner": {"pieces": 0}}, "a whole number from 1"),
@@ -281,6 +303,7 @@ def test_one_line_runs_with_the_defaults_of_the_design(tmp_path):
         "planner": {
             "pieces": 5,
             "degree": 2,
+            "period_s": None,
             "formulation": "penalty",
             "nodes": 4,
             "gamma": 0.98,
@@ -288,10 +311,23 @@ def test_one_line_runs_with_the_defaults_of_the_design(tmp_path):
             "weight": 1000.0,
             "thrust_units": "normalised",
             "kappa": 1.0,
+            "similarity": "signed",
             "range_pull": 0.2,
             "range_reference_m": 1.0,
             "solver": "auto",
             "solver_options": {},
+        },
+        "limits": {
+            "range": None,
+            "keep_out": [],
+            "depth": None,
+            "speed": None,
+            "yaw_rate_deg": None,
+            "bow_angle_deg": None,
+            "hard": [],
+            "weight": 100.0,
+            "width": 0.01,
+            "nodes": 4,
         },
         "desired_bearing": {"m": 10, "period_s": None, "axis": None},
         "vehicle": {
@@ -321,7 +357,7 @@ def test_preset_paper_is_the_papers_tracker_and_planner():
     configuration = load_config("case2", overrides=["preset=paper"])
     tracker = configuration.tracker
     assert (tracker.centre, tracker.amplitude, tracker.nugget, tracker.prior) == ("origin", 1.0, 1e-8, None)
-    assert configuration.planner.range_pull == 0.0
+    assert configuration.planner.range_pull == 0.02  # a tenth of the default: none at all loses the target
     assert configuration.planner.pieces == 5
 
 

@@ -52,7 +52,7 @@ def test_the_planner_gets_forecast_and_desired_bearings_of_its_endpoints():
     asked = []
     planner = SimpleNamespace(
         problem=SimpleNamespace(period=0.2, pieces=3),
-        solve=lambda state, forecast, desired: asked.append((state, forecast, desired)),
+        solve=lambda state, forecast, desired, present: asked.append((state, forecast, desired)),
     )
     mean = np.arange(24.0).reshape(12, 2)
     forecast = Forecast(mean, np.broadcast_to(np.eye(2), (12, 2, 2)) * mean[:, :1, None])

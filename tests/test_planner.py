@@ -51,7 +51,7 @@ class Script:
     def __init__(self, *answers):
         self.answers, self.asked = list(answers), []
 
-    def solve(self, start, objectives, guess, *, cold, tightening=0.0):
+    def solve(self, start, objectives, guess, *, cold, tightening=0.0, limits=()):
         self.asked.append({"start": start, "guess": np.array(guess), "cold": cold, "tightening": tightening})
         answer = self.answers.pop(0)
         return answer(tightening) if callable(answer) else answer

@@ -16,6 +16,7 @@ CONTRACT = [
     "length_scale", "amplitude", "condition_number", "bound", "objective",
     "violation", "solver_status", "solver_iterations", "solver_time", "plan",
     "tracker_time", "nugget", "fallback", "desired_bearing", "piece_thrust_peak",
+    "prior_cov",
 ]
 # fmt: on
 
@@ -39,6 +40,7 @@ def five_steps(**changes) -> History:
         "length_scale": np.ones(5),
         "amplitude": np.ones(5),
         "nugget": np.ones(5),
+        "prior_cov": np.ones((5, 2, 2)),
         "condition_number": [np.inf, 3.0, 2.0, 1.0, 1.0],
         "bound": np.ones((5, 2)),
         "objective": [1.0, 2.0, 3.0, np.nan, 6.0],

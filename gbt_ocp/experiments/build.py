@@ -10,15 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.bearings import DesiredBearing
-from gbt_ocp.experiments.configuration import (
-    Configuration,
+from gbt_ocp.experiments.build_limits import with_limits
+from gbt_ocp.experiments.build_trackers import build_tracker
+from gbt_ocp.experiments.configuration import Configuration, FossenVehicle, TrackTarget, VehicleParameters
+from gbt_ocp.experiments.guidance_sections import (
+    CircumnavigationGuidance,
     ConstantForceGuidance,
-    FossenVehicle,
+    FimPlacementGuidance,
     RandomGuidance,
     StaticGuidance,
-    TrackTarget,
-    VehicleParameters,
 )
+from gbt_ocp.experiments.guidance_sections import HelicalGuidance as HelicalSection
+from gbt_ocp.guidance.circumnavigation import Circumnavigation
+from gbt_ocp.guidance.fim_placement import FimPlacement
+from gbt_ocp.guidance.helical import HelicalGuidance
 from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.protocol import Guidance
@@ -27,8 +32,6 @@ from gbt_ocp.sensors import BearingSensor
 from gbt_ocp.simulation import ClosedLoop
 from gbt_ocp.targets import Target, case_target
 from gbt_ocp.targets import TrackTarget as RecordedTarget
-from gbt_ocp.tracking.gp import GaussianProcessTracker
-from gbt_ocp.tracking.protocol import Tracker
 from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenParameters, Vehicle
 from gbt_ocp.vehicles import FossenVehicle as Fossen
 
@@ -107,38 +110,22 @@ def build_sensor(configuration: Configuration) -> BearingSensor:
     )
 
 
-def build_tracker(configuration: Configuration, start: Array) -> Tracker:
-    """The tracker; ``start`` is the vehicle's first position ``(d,)``."""
-    section, prior = configuration.tracker, configuration.tracker.prior
-    covariance = None
-    if prior is not None:
-        covariance = prior.covariance if prior.std is None else prior.std**2 * np.eye(configuration.dimension)
-    return GaussianProcessTracker(
-        configuration.dimension,
-        window=section.window,
-        kernel=section.kernel,
-        centre=section.centre,
-        length_scale=None if section.length_scale == "tuned" else section.length_scale,
-        amplitude=None if section.amplitude == "tuned" else section.amplitude,
-        nugget=None if section.nugget == "tuned" else section.nugget,
-        prior_position=None if prior is None else prior.position,
-        prior_covariance=covariance,
-        start=start,
-    )
-
-
 def build_problem(configuration: Configuration, vehicle: Vehicle) -> TrajectoryProblem:
     """The trajectory problem in the formulation that is asked for."""
     section, dimension = configuration.planner, configuration.dimension
-    problem = TrajectoryProblem(vehicle, section.pieces, configuration.sensor.period_s, section.degree)
+    period = section.period_s or configuration.sensor.period_s
+    problem = TrajectoryProblem(vehicle, section.pieces, period, section.degree)
     own = configuration.problem_object.objective
-    problem = problem.maximize(BearingSimilarity(dimension, section.kappa) if own is None else cast(Objective, own()))
+    similarity = BearingSimilarity(dimension, section.kappa, section.similarity == "axial")
+    problem = problem.maximize(similarity if own is None else cast(Objective, own()))
     if section.range_pull > 0.0:
         problem = problem.maximize(RangePull(dimension, section.range_pull, section.range_reference_m))
     limit = ThrustLimit(vehicle, section.gamma, section.thrust_units)
     if section.formulation == "hard":
-        return problem.subject_to(limit, nodes=section.nodes)
-    return problem.subject_to_penalty(limit, weight=section.weight, width=section.width, nodes=section.nodes)
+        problem = problem.subject_to(limit, nodes=section.nodes)
+    else:
+        problem = problem.subject_to_penalty(limit, weight=section.weight, width=section.width, nodes=section.nodes)
+    return with_limits(problem, configuration)
 
 
 def build_planner(configuration: Configuration, vehicle: Vehicle) -> Planner:
@@ -158,7 +145,26 @@ def build_guidance(
         return ConstantForce(vehicle, section.force)
     if isinstance(section, RandomGuidance):
         return RandomThrust(vehicle, section.hold_s, rng)
-    return PlannedMotion(build_planner(configuration, vehicle), desired)
+    period = configuration.sensor.period_s
+    if isinstance(section, CircumnavigationGuidance):
+        return Circumnavigation(
+            vehicle, period, speed=section.speed, radial_gain=section.radial_gain, standoff=section.standoff_m
+        )
+    if isinstance(section, FimPlacementGuidance):
+        return FimPlacement(desired, period, standoff=section.standoff_m)
+    if isinstance(section, HelicalSection):
+        return HelicalGuidance(
+            vehicle,
+            period,
+            gain=section.gain,
+            amplitude_z=section.amplitude_z,
+            amplitude_y=section.amplitude_y,
+            frequency=section.frequency,
+            standoff=section.standoff_m,
+            range_gain=section.range_gain,
+            range_damping=section.range_damping,
+        )
+    return PlannedMotion(build_planner(configuration, vehicle), desired, configuration.steps_a_piece)
 
 
 def build_start(configuration: Configuration, vehicle: Vehicle, rng: np.random.Generator) -> Array:
@@ -204,7 +210,7 @@ def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
         window=configuration.tracker.window,
         forecast=configuration.tracker.forecast,
         follow=configuration.vehicle.follow,
-        bound_delta=configuration.tracker.bound_delta,
+        bound_delta=getattr(configuration.tracker, "bound_delta", math.nan),
         rng=streams.sensor,
     )
     return loop, start

@@ -11,9 +11,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from gbt_ocp.experiments.configuration import Configuration, Planner, Sensor, Tracker
+from gbt_ocp.experiments.configuration import Configuration, Planner, Sensor
 from gbt_ocp.experiments.faults import NOTHING, Fault, kinds, shown, union_of, value_at
 from gbt_ocp.experiments.problem import TrackingProblem
+from gbt_ocp.experiments.tracker_sections import TrackerSection
 from gbt_ocp.targets import TrackTarget
 
 _CASES = {2: ("case1", "case2", "case3"), 3: ("case4", "case5", "case6")}
@@ -30,6 +31,7 @@ def inconsistencies(merged: Mapping[str, Any], problem: TrackingProblem | None) 
         The problem, ``None`` if it could not be loaded.
     """
     yield from _sizes(merged)
+    yield from _limits(merged, problem)
     yield from _one_of(merged, ("desired_bearing",), "m", "period_s")
     if isinstance(value_at(merged, ("tracker", "prior")), Mapping):
         yield from _one_of(merged, ("tracker", "prior"), "std", "covariance")
@@ -48,12 +50,21 @@ def _number(merged: Mapping[str, Any], path: tuple[str, ...], default: Any) -> f
 
 def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
     pieces = _number(merged, ("planner", "pieces"), Planner.model_fields["pieces"].default)
-    forecast = _number(merged, ("tracker", "forecast"), Tracker.model_fields["forecast"].default)
-    if pieces is not None and forecast is not None and pieces > forecast >= 1:
-        allowed = f"a whole number from 1 to tracker.forecast = {forecast} (p <= n)"
-        yield Fault(("planner", "pieces"), shown(pieces), allowed)
+    forecast = _number(merged, ("tracker", "forecast"), TrackerSection.model_fields["forecast"].default)
     duration = _number(merged, ("duration_s",), Configuration.model_fields["duration_s"].default)
     period = _number(merged, ("sensor", "period_s"), Sensor.model_fields["period_s"].default)
+    steps = 1.0
+    piece = _number(merged, ("planner", "period_s"), None)
+    if piece is not None and period is not None and min(piece, period) > 0.0:
+        steps = piece / period
+        if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
+            allowed = f"null, or a whole multiple of sensor.period_s = {period:.6g}"
+            yield Fault(("planner", "period_s"), shown(piece), allowed)
+    if pieces is not None and forecast is not None and pieces * round(steps) > forecast >= 1:
+        allowed = f"a whole number from 1 to tracker.forecast = {forecast} (p <= n)"
+        if round(steps) > 1:
+            allowed = f"pieces of planner.period_s that last at most tracker.forecast = {forecast} sampling periods"
+        yield Fault(("planner", "pieces"), shown(pieces), allowed)
     if duration is not None and period is not None and duration < 2.0 * period:
         allowed = f"at least two sampling periods, {2.0 * period:.6g} s"
         yield Fault(("duration_s",), shown(duration), allowed)
@@ -68,12 +79,37 @@ def _one_of(merged: Mapping[str, Any], path: tuple[str, ...], first: str, second
             yield Fault(path, found, f"exactly one of {first}, {second}")
 
 
+def _limits(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Iterator[Fault]:
+    pairs = (("range", "nearest_m", "farthest_m"), ("depth", "lowest_m", "highest_m"))
+    for section, low, high in pairs:
+        path = ("limits", section)
+        least, largest = (_number(merged, (*path, name), None) for name in (low, high))
+        if least is not None and largest is not None and not least < largest:
+            yield Fault((*path, low), shown(least), f"a number < {high} = {largest:.6g}")
+    if isinstance(value_at(merged, ("limits", "range")), Mapping) and all(
+        value_at(merged, ("limits", "range", name)) in (NOTHING, None) for name in ("nearest_m", "farthest_m")
+    ):
+        yield Fault(("limits", "range"), "neither nearest_m nor farthest_m", "at least one of nearest_m, farthest_m")
+    if problem is not None and problem.dimension == 2 and isinstance(value_at(merged, ("limits", "depth")), Mapping):
+        yield Fault(("limits", "depth"), shown(value_at(merged, ("limits", "depth"))), "null in 2 dimensions")
+    zones = value_at(merged, ("limits", "keep_out"))
+    for zone in zones if isinstance(zones, list) else []:
+        if isinstance(zone, Mapping):
+            written = {name for name in ("centre_m", "radius_m", "corners_m") if zone.get(name) is not None}
+            if written not in ({"centre_m", "radius_m"}, {"corners_m"}):
+                yield Fault(("limits", "keep_out"), shown(zone), "zones with centre_m and radius_m, or with corners_m")
+
+
 def _dimension(merged: Mapping[str, Any], problem: TrackingProblem) -> Iterator[Fault]:
     kind = value_at(merged, ("target", "kind"))
     if kind in _CASES[5 - problem.dimension]:
         others = [name for name in kinds(union_of("target")) if not name.startswith("case")]
         allowed = ", ".join([*_CASES[problem.dimension], *others])
         yield Fault(("target", "kind"), shown(kind), f"{allowed} (the problem has {problem.dimension} dimensions)")
+    law = value_at(merged, ("guidance", "kind"))
+    if problem.dimension == 2 and law == "helical":
+        others = ", ".join(name for name in kinds(union_of("guidance")) if name != "helical")
+        yield Fault(("guidance", "kind"), shown(law), f"{others} (a helix needs 3 dimensions)")
     axis = value_at(merged, ("desired_bearing", "axis"))
     if problem.dimension == 2 and axis is not NOTHING and axis is not None:
         yield Fault(
@@ -106,7 +142,7 @@ def _track(merged: Mapping[str, Any], dimension: int) -> Iterator[Fault]:
         _number(merged, ("target", "start_time_s"), 0.0),
         _number(merged, ("duration_s",), Configuration.model_fields["duration_s"].default),
         _number(merged, ("sensor", "period_s"), Sensor.model_fields["period_s"].default),
-        _number(merged, ("tracker", "forecast"), Tracker.model_fields["forecast"].default),
+        _number(merged, ("tracker", "forecast"), TrackerSection.model_fields["forecast"].default),
     )
     numbers = [value for value in values if value is not None]
     if len(numbers) < len(values):

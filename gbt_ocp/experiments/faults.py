@@ -51,9 +51,12 @@ NOTHING = object()
 def value_at(mapping: Any, path: Sequence[str]) -> Any:
     """Value at a key path, or :data:`NOTHING`."""
     for part in path:
-        if not isinstance(mapping, Mapping) or part not in mapping:
+        if isinstance(mapping, list) and part.isdigit() and int(part) < len(mapping):
+            mapping = mapping[int(part)]
+        elif isinstance(mapping, Mapping) and part in mapping:
+            mapping = mapping[part]
+        else:
             return NOTHING
-        mapping = mapping[part]
     return mapping
 
 
@@ -135,7 +138,9 @@ def _locate(loc: Sequence[str | int]) -> tuple[tuple[str, ...], FieldInfo | None
     field: FieldInfo | None = None
     for part in loc:
         owner = next((model for model in models if part in model.model_fields), None)
-        if owner is not None:
+        if isinstance(part, int):  # which of several sections; a list of numbers is judged as a whole
+            path = (*path, str(part)) if models else path
+        elif owner is not None:
             path, field = (*path, str(part)), owner.model_fields[str(part)]
             models = _models_in(field.annotation)
         else:

@@ -25,19 +25,19 @@ PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
     "paper": {
         "tracker": {"centre": "origin", "amplitude": 1.0, "nugget": 1.0e-8, "prior": None},
-        "planner": {"range_pull": 0.0},
+        "planner": {"range_pull": 0.02},
     },
 }
 """What a preset fills in (docs/paper.md, E7 and E8); `default` is the defaults of the models."""
 
 _DIMENSION_DEFAULTS: dict[int, dict[str, Any]] = {
     2: {
-        "tracker": {"window": 20},
+        "tracker": {"kind": "gp", "window": 20},
         "desired_bearing": {"m": 10},
         "vehicle": {"kind": "fossen", "thrust_max": [5000.0, 5000.0, 1500.0]},
     },
     3: {
-        "tracker": {"window": 12},
+        "tracker": {"kind": "gp", "window": 12},
         "desired_bearing": {"m": 4, "axis": [0.0, 0.0, 1.0]},
         "vehicle": {"kind": "fossen", "thrust_max": [5000.0, 5000.0, 5000.0, 1500.0]},
     },
@@ -50,7 +50,10 @@ _ALTERNATIVES: dict[tuple[str, ...], tuple[str, str]] = {
 }
 
 # Another kind brings other keys; these belong to every kind of their section and stay.
-_SHARED: dict[tuple[str, ...], tuple[str, ...]] = {("vehicle",): ("start", "follow")}
+_SHARED: dict[tuple[str, ...], tuple[str, ...]] = {
+    ("vehicle",): ("start", "follow"),
+    ("tracker",): ("window", "forecast", "prior"),
+}
 
 
 @dataclass(frozen=True)

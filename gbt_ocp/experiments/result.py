@@ -49,6 +49,7 @@ _LAYOUT = {
     "length_scale": "K",
     "amplitude": "K",
     "nugget": "K",
+    "prior_cov": "Kdd",
     "condition_number": "K",
     "objective": "K",
     "violation": "K",
@@ -91,6 +92,9 @@ class History:
         ‖μ_k(t) - P_T(t)‖ at T_k and the theorem's bound on it, ``(K, n+1)``, m.
     length_scale, amplitude, nugget
         Hyperparameters of the tracker, ``(K,)``; s, m, and a variance relative to the kernel's. NaN if it has none.
+    prior_cov
+        Prior covariance of the target's coordinates under the hyperparameters, ``(K, d, d)``, m²; off the diagonal
+        the R_xy, R_xz, R_yz of the linear model of coregionalization. NaN likewise.
     condition_number
         Of the cumulative bearing matrix of the window, ``(K,)``; infinite while it is singular.
     objective, violation
@@ -139,6 +143,7 @@ class History:
     fallback: NDArray[np.str_]
     desired_bearing: Array
     piece_thrust_peak: Array
+    prior_cov: Array
 
     def __post_init__(self) -> None:
         sizes: dict[str, tuple[int, str]] = {}
@@ -165,6 +170,13 @@ class History:
     def mean_error(self) -> Array:
         """Mean over T_k of the tracking error at each step, ``(K,)``, m: what the summary and the figures are about."""
         return np.asarray(self.error.mean(axis=1))
+
+    @property
+    def covariance_norm(self) -> Array:
+        """Mean over T_k of the spectral norm ‖Σ_k(t)‖ at each step, ``(K,)``, m²; NaN where Σ is unknown."""
+        known = np.asarray(np.isfinite(self.forecast_cov).all(axis=(2, 3)))
+        norms = np.linalg.norm(np.where(known[..., None, None], self.forecast_cov, 0.0), 2, axis=(2, 3))
+        return np.asarray(np.where(known, norms, np.nan).mean(axis=1))
 
     @property
     def planned(self) -> NDArray[np.bool_]:
@@ -370,14 +382,19 @@ class Result:
             If ``folder`` is a file, or a folder that is not empty.
         """
         with run_folder.whole_folder(folder) as temporary:
-            (temporary / run_folder.CONFIGURATION).write_text(self.configuration.to_yaml(), encoding="utf-8")
-            self.history.save_npz(temporary / run_folder.HISTORY)
-            run_folder.write_summary(temporary, self.summary)
-            if figures:
-                from gbt_ocp.reporting.figures import write_figures
-
-                write_figures(temporary)
+            self.write(temporary, figures=figures)
         return Path(folder)
+
+    def write(self, folder: Path, *, history: bool = True, figures: bool = True) -> None:
+        """Write the files of a run folder into a folder that is there, with or without its arrays and figures."""
+        (folder / run_folder.CONFIGURATION).write_text(self.configuration.to_yaml(), encoding="utf-8")
+        if history:
+            self.history.save_npz(folder / run_folder.HISTORY)
+        run_folder.write_summary(folder, self.summary)
+        if figures:
+            from gbt_ocp.reporting.figures import write_figures
+
+            write_figures(folder)
 
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Result:

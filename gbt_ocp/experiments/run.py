@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,9 @@ from gbt_ocp.experiments.faults import ConfigurationError
 from gbt_ocp.experiments.loading import load_config
 from gbt_ocp.experiments.result import History, Result, installed_versions, summarise
 from gbt_ocp.guidance.planned import PlannedMotion
+from gbt_ocp.guidance.protocol import Guidance
+from gbt_ocp.ocp.planner import Planner
+from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
 from gbt_ocp.simulation import simulate, step_count
 
 
@@ -51,6 +55,29 @@ def interrupted_between_steps() -> Iterator[Callable[[], None]]:
         signal.signal(signal.SIGINT, before)
 
 
+def stalling_penalties(guidance: Guidance) -> list[str]:
+    """Warnings, one a penalty whose kink is so stiff that Newton's method stalls on it.
+
+    Only IPOPT with the penalty as printed follows the kink itself; the elastic form and the compiled solver are told
+    it as inequalities and do not stall, however narrow it is (``gbt-ocp compare`` measures both).
+    """
+    planner = guidance.planner if isinstance(guidance, PlannedMotion) else None
+    if not isinstance(planner, Planner) or not getattr(planner.solver, "prints_penalty", False):
+        return []
+    problem, found = planner.problem, []
+    for penalty in problem.penalties:
+        hardness = stiffness(problem, penalty)
+        if hardness > STALLING:
+            metres = float(kink_widths(problem, penalty)[: problem.vehicle.position_dimension].min())
+            found.append(
+                f"planner: width {penalty.width:g} and weight {penalty.weight:g} make a kink {1e3 * metres:.3g} mm "
+                f"wide in the endpoints, with a stiffness of {hardness:.3g} (above {STALLING:g}): Newton steps on the "
+                "penalty as printed will stall; solver_options.penalty elastic, solver compiled and formulation hard "
+                "do not"
+            )
+    return found
+
+
 def run(
     configuration: Configuration | str | Path | Mapping[str, Any],
     *,
@@ -71,6 +98,11 @@ def run(
     progress
         Show a progress bar on standard error.
 
+    Warns
+    -----
+    RuntimeWarning
+        If the penalty is so stiff that Newton steps will stall; the summary has the same under ``warnings``.
+
     Raises
     ------
     ConfigurationError
@@ -89,6 +121,9 @@ def run(
         # What only shows when the parts are put together is still a fault of the input.
         raise ConfigurationError([f"{configuration.name}: {fault}"]) from fault
 
+    stalling = stalling_penalties(loop.guidance)
+    for line in stalling:
+        warnings.warn(f"{configuration.name}: {line}", RuntimeWarning, stacklevel=2)
     period = configuration.sensor.period_s
     steps = step_count(configuration.duration_s, period)
     with (
@@ -113,7 +148,9 @@ def run(
         versions=installed_versions(),
     )
     # `auto` says in the configuration that there was a choice, not what was chosen
-    summary["solver"] = loop.guidance.planner.solver.name if isinstance(loop.guidance, PlannedMotion) else None
+    planner = loop.guidance.planner if isinstance(loop.guidance, PlannedMotion) else None
+    summary["solver"] = planner.solver.name if isinstance(planner, Planner) else None
+    summary["warnings"] = stalling
     # the limits of a problem's own vehicle stand nowhere in its configuration
     summary["thrust_max"] = loop.vehicle.thrust_max.tolist()
     return Result(configuration, history, summary)

@@ -2,35 +2,60 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.bearings import DesiredBearing
-from gbt_ocp.ocp.plan import Plan
+from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import Planner
+from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.tracking.protocol import Forecast
 
 Array = NDArray[np.float64]
 
 
 class PlannedMotion:
-    """Solves the trajectory problem at every step, for the forecast and the desired bearings of its endpoints.
+    """Solves the trajectory problem whenever a piece is through, for the forecast and the desired bearings at its ends.
+
+    With pieces of one sampling period that is at every step, as in the paper; with longer ones the plan is followed on
+    in between.
 
     Parameters
     ----------
     planner
-        The compiled problem.
+        The compiled problem, or multiple shooting of it.
     desired
         λ*(t).
+    steps
+        Sampling periods that a piece lasts.
     """
 
-    def __init__(self, planner: Planner, desired: DesiredBearing) -> None:
+    def __init__(self, planner: Planner | ShootingPlanner, desired: DesiredBearing, steps: int = 1) -> None:
         self.planner = planner
         self._desired = desired
+        self._steps = steps
+        self._plan: Plan | None = None
+        self._followed = 0
 
-    def decide(self, time: float, flat: Array, forecast: Forecast) -> Plan:
+    def decide(self, time: float, flat: Array, forecast: Forecast) -> Plan | ShootingPlan:
         """The plan from ``time`` on."""
         problem = self.planner.problem
+        self._followed += 1
+        if self._plan is not None and self._followed < self._steps:
+            return replace(
+                self._plan,
+                elapsed=self._followed * problem.period / self._steps,
+                iterations=0,
+                solve_time=0.0,
+                tightened=0,
+            )
         ends = time + problem.period * np.arange(1, problem.pieces + 1)
-        ahead = Forecast(forecast.mean[1:], forecast.covariance[1:])
-        return self.planner.solve(flat, ahead, self._desired(ends))
+        # an estimator without a covariance is taken at its word
+        covariance = np.nan_to_num(forecast.covariance, nan=0.0)
+        ahead = Forecast(forecast.mean[self._steps :: self._steps], covariance[self._steps :: self._steps])
+        present = Forecast(forecast.mean[0], covariance[0])
+        plan = self.planner.solve(flat, ahead, self._desired(ends), present=present)
+        self._plan, self._followed = plan if isinstance(plan, Plan) else None, 0
+        return plan

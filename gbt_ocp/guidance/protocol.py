@@ -1,22 +1,34 @@
-"""What an observer strategy offers: a plan to follow, or a thrust to hold, until the next step."""
+"""What an observer strategy offers until the next step: a plan to follow, a thrust to hold, or a place to be put."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gbt_ocp.ocp.plan import Plan
+from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.tracking.protocol import Forecast
 
 Array = NDArray[np.float64]
 
 
+class Placement(NamedTuple):
+    """The vehicle is put somewhere, without regard to its dynamics.
+
+    Attributes
+    ----------
+    position
+        Where it is, at rest, at the next step ``(d,)`` in metres.
+    """
+
+    position: Array
+
+
 class Guidance(Protocol):
     """Decides how the vehicle moves over the next period."""
 
-    def decide(self, time: float, flat: Array, forecast: Forecast) -> Plan | Array:
+    def decide(self, time: float, flat: Array, forecast: Forecast) -> Plan | ShootingPlan | Placement | Array:
         """A plan from ``time`` on, or the inputs ``(m,)`` to hold over the period.
 
         Parameters

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -12,17 +12,14 @@ from numpy.typing import NDArray
 from gbt_ocp.ocp.problem import TrajectoryProblem
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import input_scale
-from gbt_ocp.vehicles import Vehicle
+from gbt_ocp.vehicles import Vehicle, acceleration
 
 Array = NDArray[np.float64]
 
 
 def drift(vehicle: Vehicle, z: Any, dz: Any) -> Any:
-    """The acceleration z̈ ``(n,)`` without thrust, a CasADi expression: thrust is affine in z̈, so one solve gives it."""
-    ddz = ca.SX.sym("ddz", vehicle.flat_dimension)
-    thrust = vehicle.inputs(z, dz, ddz)
-    at_rest = ca.substitute(thrust, ddz, ca.SX.zeros(ddz.shape))
-    return -ca.solve(ca.jacobian(thrust, ddz), at_rest)
+    """The acceleration z̈ ``(n,)`` without thrust, a CasADi expression."""
+    return acceleration(vehicle, z, dz, ca.SX.zeros(vehicle.thrust_max.size))
 
 
 SHARES = (0.0, *(0.5**k for k in range(10, -1, -1)))
@@ -30,6 +27,13 @@ SHARES = (0.0, *(0.5**k for k in range(10, -1, -1)))
 
 ROUNDS = 12
 """Rounds of the pattern search around the best of the family."""
+
+
+class Check(Protocol):
+    """Finds how far a trajectory breaks the limits; see :class:`gbt_ocp.ocp.transcription.LimitCheck`."""
+
+    def __call__(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
+        """Largest violation of each piece ``(p,)``."""
 
 
 class BrakingPlanner:
@@ -41,23 +45,23 @@ class BrakingPlanner:
     limits less on the fine grid, and among those that keep them what ends slower.
     """
 
-    def __init__(self, problem: TrajectoryProblem, check: Callable[[FlatTrajectory], Array]) -> None:
+    def __init__(self, problem: TrajectoryProblem, check: Check) -> None:
         self._problem = problem
         self._check = check
         size = problem.vehicle.flat_dimension
         z, dz = ca.SX.sym("z", size), ca.SX.sym("dz", size)
         self._drift = ca.Function("drift", [z, dz], [drift(problem.vehicle, z, dz)])
 
-    def __call__(self, start: Array) -> FlatTrajectory:
-        """A braking trajectory from the start ``(L, n)``."""
+    def __call__(self, start: Array, limits: Sequence[Array] = ()) -> FlatTrajectory:
+        """A braking trajectory from the start ``(L, n)``, for these parameters of the constraints at the knots."""
         problem = self._problem
         top: list[Array] = []
-        for _ in range(problem.pieces):
+        for piece in range(problem.pieces):
             so_far = FlatTrajectory(problem.period, start, np.array(top).reshape(-1, start.shape[1]))
-            top.append(self._piece(so_far.knots[-1]))
+            top.append(self._piece(so_far.knots[-1], [values[:, piece:] for values in limits]))
         return FlatTrajectory(problem.period, start, np.array(top))
 
-    def _piece(self, knot: Array) -> Array:
+    def _piece(self, knot: Array, limits: Sequence[Array]) -> Array:
         problem = self._problem
         # With L > 2 the unknown is a higher derivative: aim the acceleration at the end of the piece instead.
         drift = np.asarray(self._drift(knot[0], knot[1])).ravel()
@@ -71,7 +75,7 @@ class BrakingPlanner:
         def improve(candidate: Array) -> bool:
             nonlocal best, best_key
             trial = FlatTrajectory(problem.period, knot, candidate[None])
-            broken = max(float(self._check(trial)[0]), 0.0)
+            broken = max(float(self._check(trial, limits)[0]), 0.0)
             key = (broken, float(np.sum((trial.knots[1, 1] / problem.vehicle.acceleration_scale) ** 2)))
             if not key < best_key:
                 return False

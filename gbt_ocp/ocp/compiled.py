@@ -153,7 +153,7 @@ class CompiledSolver:
         arrays_before, arrays_after = [numbers] * 3, [numbers] * 3
         kernel.gbt_solve.argtypes = [*arrays_before, ctypes.c_double, ctypes.c_int, *arrays_after]
         self._solve = kernel.gbt_solve
-        kernel.gbt_check.argtypes = [numbers, numbers, ctypes.c_int, ctypes.c_int, numbers]
+        kernel.gbt_check.argtypes = [numbers, numbers, ctypes.c_int, ctypes.c_int, numbers, numbers]
         self._check = kernel.gbt_check
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -171,11 +171,18 @@ class CompiledSolver:
         return self._workspace.nbytes
 
     def solve(
-        self, start: Array, objectives: Sequence[Array], guess: Array, *, cold: bool, tightening: float = 0.0
+        self,
+        start: Array,
+        objectives: Sequence[Array],
+        guess: Array,
+        *,
+        cold: bool,
+        tightening: float = 0.0,
+        limits: Sequence[Array] = (),
     ) -> CompiledSolution:
         """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.Solver.solve`."""
         begin = np.ascontiguousarray(start, dtype=float)
-        parameters = np.ascontiguousarray(np.vstack(list(objectives)).T, dtype=float)
+        parameters = np.concatenate([np.vstack(list(objectives)).T.ravel(), _moving(limits)])
         variables = np.array(guess, dtype=float, order="C")
         result = _Result()
         self._solve(
@@ -199,10 +206,18 @@ class CompiledSolver:
             objective=result.objective,
         )
 
-    def check(self, trajectory: FlatTrajectory) -> Array:
+    def check(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
         """The same as :class:`gbt_ocp.ocp.transcription.LimitCheck`, from the compiled limits."""
         start = np.ascontiguousarray(trajectory.start, dtype=float)
         top = np.ascontiguousarray(trajectory.top, dtype=float)
         violation = np.empty(len(top))
-        self._check(start.ctypes.data, top.ctypes.data, len(top), FINE_POINTS, violation.ctypes.data)
+        moving = _moving([values[:, : len(top) + 1] for values in limits])
+        self._check(
+            start.ctypes.data, top.ctypes.data, len(top), FINE_POINTS, moving.ctypes.data, violation.ctypes.data
+        )
         return violation
+
+
+def _moving(limits: Sequence[Array]) -> Array:
+    """Parameters of all constraints, knot by knot."""
+    return np.ascontiguousarray(np.vstack(limits).T, dtype=float).ravel() if limits else np.zeros(0)

@@ -6,8 +6,9 @@ A constraint says what is bounded, not how: :meth:`TrajectoryProblem.subject_to`
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -40,6 +41,45 @@ class PathConstraint(Protocol):
 
     def value(self, point: FlatPoint) -> Any:
         """The bounded quantities ``(m,)``, a CasADi expression."""
+
+
+@runtime_checkable
+class MovingConstraint(Protocol):
+    """A path constraint that depends on numbers that change along the trajectory and from solve to solve.
+
+    Bounds, back-off and scale are those of :class:`PathConstraint`. The numbers are given at the knots, the boundaries
+    of the pieces, and are linear in time between them.
+    """
+
+    @property
+    def lower(self) -> Array:
+        """See :class:`PathConstraint`."""
+
+    @property
+    def upper(self) -> Array:
+        """See :class:`PathConstraint`."""
+
+    @property
+    def backoff(self) -> Array:
+        """See :class:`PathConstraint`."""
+
+    @property
+    def scale(self) -> Array:
+        """See :class:`PathConstraint`."""
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[int, int]]:
+        """Parameters at one time: name to matrix shape."""
+
+    def value(self, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
+        """The bounded quantities ``(m,)``, a CasADi expression."""
+
+    def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
+        """Numbers for the parameters at the knots, ``(p+1, *shape)`` each, from the data given to a solve."""
+
+
+Constraint = PathConstraint | MovingConstraint
+"""Whatever a problem can be subject to."""
 
 
 @dataclass(frozen=True)
@@ -97,43 +137,3 @@ class ThrustLimit:
         """Thrust, over its limit or in newtons."""
         thrust = self.vehicle.inputs(*point)
         return thrust if self.units == "newton" else thrust / ca.DM(self.vehicle.thrust_max)
-
-
-@dataclass(frozen=True)
-class KeepOut:
-    """Stay outside a circle (a sphere in 3D): ``‖P_A - centre‖ >= radius``.
-
-    Parameters
-    ----------
-    centre
-        ``(d,)`` in metres.
-    radius
-        In metres; violations are reported in units of it.
-    """
-
-    centre: tuple[float, ...]
-    radius: float
-
-    @property
-    def lower(self) -> Array:
-        """One: the squared distance over the squared radius."""
-        return np.ones(1)
-
-    @property
-    def upper(self) -> Array:
-        """No upper bound."""
-        return np.full(1, np.inf)
-
-    @property
-    def backoff(self) -> Array:
-        """None: the squared distance of a piece between nodes is checked afterwards."""
-        return np.zeros(1)
-
-    @property
-    def scale(self) -> Array:
-        """The squared distance changes twice as fast as the distance at the boundary."""
-        return np.full(1, 2.0)
-
-    def value(self, point: FlatPoint) -> Any:
-        """Squared distance over squared radius: smooth everywhere, unlike the distance."""
-        return ca.sumsqr(point.z[: len(self.centre)] - ca.DM(self.centre)) / self.radius**2

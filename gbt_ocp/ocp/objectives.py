@@ -131,10 +131,14 @@ class BearingSimilarity:
         d.
     kappa
         κ, the adjusting factor of the transform.
+    axial
+        Maximise ``E(⟨λ*, λ⟩²)`` instead: a bearing counts the same as its opposite, as it does in P (``eq20``), so the
+        vehicle may be on either side of the target.
     """
 
     dimension: int
     kappa: float = 1.0
+    axial: bool = False
 
     @property
     def shapes(self) -> Mapping[str, tuple[int, int]]:
@@ -142,12 +146,13 @@ class BearingSimilarity:
         return {"sigma_points": (self.dimension, 2 * self.dimension + 1), "desired": (self.dimension, 1)}
 
     def value(self, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
-        """``Σ_j w_j ⟨λ*, λ̂_j⟩`` at one endpoint."""
+        """``Σ_j w_j ⟨λ*, λ̂_j⟩`` at one endpoint, or the sum of squares."""
         own = point.z[: self.dimension]
         total = 0.0
         for j, weight in enumerate(sigma_weights(self.dimension, self.kappa)):
             line = parameters["sigma_points"][:, j] - own
-            total += weight * ca.dot(parameters["desired"], line) / ca.sqrt(ca.sumsqr(line) + NEAR**2)
+            along, square = ca.dot(parameters["desired"], line), ca.sumsqr(line) + NEAR**2
+            total += weight * (along**2 / square if self.axial else along / ca.sqrt(square))
         return total
 
     def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:

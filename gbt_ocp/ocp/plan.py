@@ -36,9 +36,62 @@ class Plan:
         ``""``, ``shifted`` (the rest of the previous plan), ``cold`` (a cold solve) or ``braking``.
     tightened
         How often the limits were tightened because the piece to be executed broke them between nodes.
+    elapsed
+        Seconds of the trajectory that lie behind: 0 for a plan just made, more for one that is followed on.
     """
 
     trajectory: FlatTrajectory
+    status: str
+    objective: float
+    violation: float
+    piece_violation: Array
+    iterations: int
+    solve_time: float
+    fallback: str = ""
+    tightened: int = 0
+    elapsed: float = 0.0
+
+    @property
+    def solved(self) -> bool:
+        """Whether the first attempt of this step succeeded."""
+        return self.status == "solved"
+
+    @property
+    def knots(self) -> Array:
+        """Derivatives 0 … L-1 of the flat output at the boundaries of the pieces ``(p+1, L, n)``."""
+        return self.trajectory.knots
+
+    @property
+    def endpoints(self) -> Array:
+        """z̄ ``(p, n)``."""
+        return self.trajectory.endpoints
+
+    def __call__(self, times: ArrayLike, order: int = 0) -> Array:
+        """The flat output, or a derivative of it, ``times`` seconds after the plan was made ``(..., n)``."""
+        return self.trajectory(times, order)
+
+
+@dataclass(frozen=True)
+class ShootingPlan:
+    """What multiple shooting plans: inputs to hold, and where they lead.
+
+    Attributes
+    ----------
+    thrust
+        Inputs at the start of each period ``(p, m)``, held over it.
+    knots
+        z and ż at the start and at the end of each period ``(p+1, 2, n)``.
+    held
+        The unknowns of the solver ``(p, m)``: inputs in units of their limits.
+    fallback
+        ``""``, ``cold`` (a cold solve), ``shifted`` (the rest of the previous plan) or ``coasting`` (no thrust).
+    status, objective, violation, piece_violation, iterations, solve_time, tightened
+        As in a :class:`Plan`; held inputs never need tightened limits.
+    """
+
+    thrust: Array
+    knots: Array
+    held: Array
     status: str
     objective: float
     violation: float
@@ -56,8 +109,8 @@ class Plan:
     @property
     def endpoints(self) -> Array:
         """z̄ ``(p, n)``."""
-        return self.trajectory.endpoints
+        return np.asarray(self.knots[1:, 0])
 
-    def __call__(self, times: ArrayLike, order: int = 0) -> Array:
-        """The flat output, or a derivative of it, ``times`` seconds after the plan was made ``(..., n)``."""
-        return self.trajectory(times, order)
+    def rest(self, holds: int = 1) -> Array:
+        """What is held after the first ``holds`` entries, with zeros in the place of what is missing at the end."""
+        return np.vstack([self.held[holds:], np.zeros_like(self.held[:holds])])

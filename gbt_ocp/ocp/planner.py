@@ -103,7 +103,7 @@ class Planner:
         desired
             Desired bearings at the endpoints ``(>=p, d)``, for objectives that need them.
         data
-            Whatever else the objectives ask for, by name.
+            Whatever else the objectives and constraints ask for, by name.
 
         Raises
         ------
@@ -115,28 +115,30 @@ class Planner:
         expected = (self.problem.degree, self.problem.vehicle.flat_dimension)
         if start.shape != expected or not np.all(np.isfinite(start)):
             raise ValueError(f"state: found shape {start.shape}; allowed: {expected}, all numbers finite")
-        parameters = self._binding.objective_parameters({"forecast": forecast, "desired": desired, **data})
+        given = {"forecast": forecast, "desired": desired, **data}
+        parameters = self._binding.objective_parameters(given)
+        limits = self._binding.limit_parameters(given)
 
         shifted = None if self._previous is None else self._previous.shifted()
-        guess = self._cold_guess(start) if shifted is None else shifted.top / self._scale
-        first = self._attempt(start, parameters, guess, cold=shifted is None)
+        guess = self.cold_guess(start) if shifted is None else shifted.top / self._scale
+        first = self._attempt(start, parameters, limits, guess, cold=shifted is None)
         trajectory, pieces = first.trajectory, first.violation
         iterations, tightened = first.iterations, first.tightened
         fallback = ""
         if trajectory is None and shifted is not None:
             # From where the vehicle really is, which is where the previous plan led unless it was pushed.
             candidate = FlatTrajectory(self.problem.period, start, shifted.top)
-            broken = self._check(candidate)
+            broken = self._check(candidate, limits)
             if broken[0] <= 0.0:
                 fallback, trajectory, pieces = "shifted", candidate, broken
         if trajectory is None and shifted is not None:
             fallback = "cold"
-            again = self._attempt(start, parameters, self._cold_guess(start), cold=True)
+            again = self._attempt(start, parameters, limits, self.cold_guess(start), cold=True)
             trajectory, pieces = again.trajectory, again.violation
             iterations, tightened = iterations + again.iterations, tightened + again.tightened
         if trajectory is None:
-            fallback, trajectory = "braking", self._braking(start)
-            pieces = self._check(trajectory)
+            fallback, trajectory = "braking", self._braking(start, limits)
+            pieces = self._check(trajectory, limits)
         self._previous = trajectory
         return Plan(
             trajectory=trajectory,
@@ -150,26 +152,30 @@ class Planner:
             tightened=tightened,
         )
 
-    def _cold_guess(self, start: Array) -> Array:
+    def cold_guess(self, start: Array) -> Array:
         """Coasting: constant velocity, any higher derivative brought to zero within the first piece."""
         guess = np.zeros((self.problem.pieces, start.shape[1]))
         if self.problem.degree > 2:
             guess[0] = -start[-1] / self.problem.period / self._scale
         return guess
 
-    def _attempt(self, start: Array, parameters: list[Array], guess: Array, *, cold: bool) -> _Attempt:
+    def _attempt(
+        self, start: Array, parameters: list[Array], limits: list[Array], guess: Array, *, cold: bool
+    ) -> _Attempt:
         """Solve, check the piece to be executed, tighten where needed."""
         nothing = np.zeros(0)
         tightening, iterations = 0.0, 0
         for tightened in range(TIGHTENINGS + 1):
-            solution: Solution = self.solver.solve(start, parameters, guess, cold=cold, tightening=tightening)
+            solution: Solution = self.solver.solve(
+                start, parameters, guess, cold=cold, tightening=tightening, **({"limits": limits} if limits else {})
+            )
             iterations += solution.iterations
             if not solution.solved:
                 return _Attempt(solution.status, None, nothing, iterations, tightened)
             if not np.all(np.isfinite(solution.variables)):
                 return _Attempt("not finite", None, nothing, iterations, tightened)
             trajectory = FlatTrajectory(self.problem.period, start, solution.variables * self._scale)
-            pieces = self._check(trajectory)
+            pieces = self._check(trajectory, limits)
             broken = float(pieces[0])
             if broken <= 0.0:
                 return _Attempt(solution.status, trajectory, pieces, iterations, tightened)

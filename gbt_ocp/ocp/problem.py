@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from gbt_ocp.ocp.constraints import PathConstraint
+from gbt_ocp.ocp.constraints import Constraint, MovingConstraint
 from gbt_ocp.ocp.objectives import Objective
 from gbt_ocp.vehicles import Vehicle
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 class HardLimit:
     """A constraint imposed exactly at ``nodes`` intervals a piece (``nodes + 1`` points, both ends included)."""
 
-    constraint: PathConstraint
+    constraint: Constraint
     nodes: int
 
 
@@ -35,7 +35,7 @@ class PenaltyLimit:
     ``weight`` is w_p, ``width`` ϖ (both in the constraint's own units), ``nodes`` n_c.
     """
 
-    constraint: PathConstraint
+    constraint: Constraint
     nodes: int
     weight: float
     width: float
@@ -81,14 +81,14 @@ class TrajectoryProblem:
         """Add a term to the objective."""
         return replace(self, objectives=(*self.objectives, objective))
 
-    def subject_to(self, constraint: PathConstraint, *, nodes: int = 4) -> TrajectoryProblem:
+    def subject_to(self, constraint: Constraint, *, nodes: int = 4) -> TrajectoryProblem:
         """Impose a constraint exactly, at ``nodes`` intervals a piece."""
         if nodes < 1:
             raise ValueError(f"nodes must be at least 1, found {nodes}")
         return replace(self, hard=(*self.hard, HardLimit(constraint, nodes)))
 
     def subject_to_penalty(
-        self, constraint: PathConstraint, *, weight: float = 1000.0, width: float = 0.01, nodes: int = 20
+        self, constraint: Constraint, *, weight: float = 1000.0, width: float = 0.01, nodes: int = 20
     ) -> TrajectoryProblem:
         """Penalise the violation of a constraint, integrated over ``nodes`` intervals a piece."""
         if nodes < 1:
@@ -98,9 +98,19 @@ class TrajectoryProblem:
         return replace(self, penalties=(*self.penalties, PenaltyLimit(constraint, nodes, weight, width)))
 
     @property
-    def constraints(self) -> tuple[PathConstraint, ...]:
+    def constraints(self) -> tuple[Constraint, ...]:
         """Every constraint, however it is treated."""
         return (*(limit.constraint for limit in self.hard), *(soft.constraint for soft in self.penalties))
+
+    @property
+    def judged(self) -> tuple[bool, ...]:
+        """For each constraint, whether a piece that breaks it is never executed.
+
+        Not so a penalty on what is only believed: a forecast may jump so that no plan keeps a distance from it, and
+        then the plan that does its best is better than none.
+        """
+        soft = (not isinstance(limit.constraint, MovingConstraint) for limit in self.penalties)
+        return (*(True for _ in self.hard), *soft)
 
     def compile(self, solver: str = "auto", options: Mapping[str, Any] | None = None) -> Planner:
         """Build the solver once; everything that changes from step to step is a parameter of it.

@@ -46,7 +46,14 @@ class Solver(Protocol):
         """How the solver is called in a configuration."""
 
     def solve(
-        self, start: Array, objectives: Sequence[Array], guess: Array, *, cold: bool, tightening: float
+        self,
+        start: Array,
+        objectives: Sequence[Array],
+        guess: Array,
+        *,
+        cold: bool,
+        tightening: float,
+        limits: Sequence[Array] = (),
     ) -> Solution:
         """Solve from a guess u ``(p, n)``.
 
@@ -62,6 +69,8 @@ class Solver(Protocol):
             Whether the guess is a mere start and not the shifted solution of the step before.
         tightening
             Moves every bound inwards, in units of the limits.
+        limits
+            Parameters of each constraint, one knot a column ``(size, p+1)``; needed where any has some.
         """
 
 
@@ -69,7 +78,7 @@ class Solver(Protocol):
 class ChecksLimits(Protocol):
     """A solver that brings its own, faster check of the true limits of a trajectory."""
 
-    def check(self, trajectory: FlatTrajectory) -> Array:
+    def check(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
         """Largest violation of each piece ``(p,)``; see :class:`gbt_ocp.ocp.transcription.LimitCheck`."""
 
 

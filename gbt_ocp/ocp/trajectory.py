@@ -141,6 +141,23 @@ class FlatTrajectory:
             value += self.coefficients[piece, power] * (scale * s ** (power - order))[..., None]
         return value
 
+    def segment(self, begin: float, duration: float) -> FlatTrajectory:
+        """The part of one piece from ``begin`` on, as a trajectory of one piece that lasts ``duration`` seconds.
+
+        Raises
+        ------
+        ValueError
+            If it reaches beyond the piece in which it begins.
+        """
+        piece = min(int(begin / self.period + 1e-9), self.pieces - 1)
+        inside = max(begin - piece * self.period, 0.0)
+        if inside + duration > self.period * (1.0 + 1e-9):
+            raise ValueError(
+                f"duration: found {duration}; allowed: at most {self.period - inside}, the rest of a piece"
+            )
+        derivatives = propagate(list(self.knots[piece]), self.top[piece], inside)[: self.degree]
+        return FlatTrajectory(duration, np.array(derivatives), self.top[piece : piece + 1])
+
     def shifted(self) -> FlatTrajectory:
         """The rest of the trajectory after its first piece, with the last piece coasting (L-th derivative zero)."""
         return FlatTrajectory(self.period, self.knots[1], np.vstack([self.top[1:], np.zeros_like(self.top[:1])]))

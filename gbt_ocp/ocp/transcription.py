@@ -7,7 +7,7 @@ graph stays small however many nodes there are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from gbt_ocp.ocp.constraints import PathConstraint
+from gbt_ocp.ocp.constraints import Constraint, MovingConstraint
 from gbt_ocp.ocp.objectives import Objective
 from gbt_ocp.ocp.penalty import smoothed_hinge, trapezoid_weights
 from gbt_ocp.ocp.problem import TrajectoryProblem
@@ -38,10 +38,40 @@ def point_symbols(size: int) -> FlatPoint:
     return FlatPoint(*(ca.SX.sym(name, size) for name in ("z", "dz", "ddz")))
 
 
-def constraint_function(problem: TrajectoryProblem, constraint: PathConstraint) -> ca.Function:
-    """(z, ż, z̈) -> the bounded quantities ``(m,)``."""
-    point = point_symbols(problem.vehicle.flat_dimension)
-    return ca.Function("constraint", list(point), [constraint.value(point)], ["z", "dz", "ddz"], ["value"])
+def limit_size(constraint: Constraint) -> int:
+    """How many parameters a constraint has at one time."""
+    shapes = constraint.shapes if isinstance(constraint, MovingConstraint) else {}
+    return sum(rows * columns for rows, columns in shapes.values())
+
+
+def constraint_value(constraint: Constraint, point: FlatPoint, stacked: Any) -> Any:
+    """The bounded quantities ``(m,)`` as a CasADi expression, parameters (if any) stacked column by column."""
+    if not isinstance(constraint, MovingConstraint):
+        return constraint.value(point)
+    parameters, offset = {}, 0
+    for name, (rows, columns) in constraint.shapes.items():
+        parameters[name] = ca.reshape(stacked[offset : offset + rows * columns], rows, columns)
+        offset += rows * columns
+    return constraint.value(point, parameters)
+
+
+def constraint_function(problem: TrajectoryProblem, constraint: Constraint) -> ca.Function:
+    """(z, ż, z̈) -> the bounded quantities ``(m,)``; with the parameters as a fourth input where there are any."""
+    point, stacked = point_symbols(problem.vehicle.flat_dimension), ca.SX.sym("p", limit_size(constraint))
+    inputs = [*point, stacked] if stacked.numel() else [*point]
+    return ca.Function("constraint", inputs, [constraint_value(constraint, point, stacked)])
+
+
+def between_knots(knots: Any, shares: Array) -> list[Any]:
+    """Parameters at these shares of every piece, one a column, from those at the knots ``(size, p+1)``.
+
+    One more argument for :func:`constraint_function`, or none. Works on numbers and on CasADi expressions alike.
+    """
+    size, columns = knots.shape
+    if not size:
+        return []
+    parts = [(1.0 - s) * knots[:, i] + s * knots[:, i + 1] for i in range(columns - 1) for s in shares]
+    return [np.stack(parts, axis=1) if isinstance(knots, np.ndarray) else ca.horzcat(*parts)]
 
 
 def objective_function(problem: TrajectoryProblem, objective: Objective) -> ca.Function:
@@ -54,29 +84,31 @@ def objective_function(problem: TrajectoryProblem, objective: Objective) -> ca.F
     )
 
 
-def stack_parameters(objective: Objective, bound: Mapping[str, Array]) -> Array:
-    """Numbers for the parameters of :func:`objective_function`, one endpoint a column ``(size, p)``."""
-    columns = [np.asarray(bound[name]).transpose(0, 2, 1).reshape(len(bound[name]), -1) for name in objective.shapes]
+def stack_parameters(term: Objective | MovingConstraint, bound: Mapping[str, Array]) -> Array:
+    """Numbers for the parameters of a term, one time a column ``(size, p)``, or ``(size, p+1)`` of a constraint."""
+    columns = [np.asarray(bound[name]).transpose(0, 2, 1).reshape(len(bound[name]), -1) for name in term.shapes]
     return np.hstack(columns).T
 
 
-def first_free_node(problem: TrajectoryProblem, constraint: PathConstraint) -> int:
+def first_free_node(problem: TrajectoryProblem, constraint: Constraint) -> int:
     """The first node of a piece at which the piece's own unknown moves the constraint: 0 or 1.
 
     With L = 2 the acceleration jumps at a boundary, so what depends on z̈ counts on both sides of it. Everything else
     is continuous there: at its first node a piece repeats the last one of the piece before, and the first piece what
     is given.
     """
-    point = point_symbols(problem.vehicle.flat_dimension)
-    return 0 if problem.degree == 2 and ca.depends_on(ca.SX(constraint.value(point)), point.ddz) else 1
+    point, stacked = point_symbols(problem.vehicle.flat_dimension), ca.SX.sym("p", limit_size(constraint))
+    value = ca.SX(constraint_value(constraint, point, stacked))
+    return 0 if problem.degree == 2 and ca.depends_on(value, point.ddz) else 1
 
 
 @dataclass(frozen=True)
 class Transcription:
     """The nonlinear program ``min objective + penalty`` subject to ``lower <= limits <= upper``.
 
-    ``variables`` is u, column by column ``(n p,)``; ``parameters`` stacks the start, the parameters of the objectives,
-    and (ϖ, w_p, tightening) of each penalty. The penalty is ``Σ cost g(excess)`` with g of half width ``width``.
+    ``variables`` is u, column by column ``(n p,)``; ``parameters`` stacks the start, the parameters of the objectives
+    and of the constraints, and (ϖ, w_p, tightening) of each penalty. The penalty is ``Σ cost g(excess)`` with g of
+    half width ``width``.
     """
 
     variables: ca.MX
@@ -136,14 +168,21 @@ def transcribe(problem: TrajectoryProblem) -> Transcription:
         parameters.append(ca.vec(values))
         objective += ca.sum2(function.map(p)(*at(np.array([problem.period])), values))
 
+    moving = {}
+    for number, constraint in enumerate(problem.constraints):
+        moving[number] = ca.MX.sym("limit", limit_size(constraint), p + 1)
+        parameters.append(ca.vec(moving[number]))
+
     excesses, costs, widths = [], [], []
-    for soft in problem.penalties:
+    for number, soft in enumerate(problem.penalties, start=len(problem.hard)):
         settings = ca.MX.sym("penalty", 3)
         parameters.append(settings)
         width, weight, tightening = ca.vertsplit(settings)
         c = soft.constraint
         function = constraint_function(problem, c)
-        values = function.map(p * (soft.nodes + 1))(*at(np.linspace(0.0, problem.period, soft.nodes + 1)))
+        shares = np.linspace(0.0, 1.0, soft.nodes + 1)
+        columns = [*at(problem.period * shares), *between_knots(moving[number], shares)]
+        values = function.map(p * len(shares))(*columns)
         inside = ca.DM(c.backoff) + tightening * ca.DM(c.scale)
         step = problem.period / soft.nodes
         weights = ca.DM(np.tile(trapezoid_weights(soft.nodes) * step, p))
@@ -159,14 +198,15 @@ def transcribe(problem: TrajectoryProblem) -> Transcription:
     excess, cost, width = (ca.vertcat(*parts) if parts else ca.MX(0, 1) for parts in (excesses, costs, widths))
 
     limits, lower, upper, scale = [], [], [], []
-    for limit in problem.hard:
+    for number, limit in enumerate(problem.hard):
         c = limit.constraint
-        times = np.linspace(0.0, problem.period, limit.nodes + 1)[first_free_node(problem, c) :]
+        shares = np.linspace(0.0, 1.0, limit.nodes + 1)[first_free_node(problem, c) :]
         function = constraint_function(problem, c)
-        limits.append(ca.vec(function.map(p * len(times))(*at(times))))
-        lower.append(np.tile(c.lower + c.backoff, p * len(times)))
-        upper.append(np.tile(c.upper - c.backoff, p * len(times)))
-        scale.append(np.tile(c.scale, p * len(times)))
+        columns = [*at(problem.period * shares), *between_knots(moving[number], shares)]
+        limits.append(ca.vec(function.map(p * len(shares))(*columns)))
+        lower.append(np.tile(c.lower + c.backoff, p * len(shares)))
+        upper.append(np.tile(c.upper - c.backoff, p * len(shares)))
+        scale.append(np.tile(c.scale, p * len(shares)))
     empty = [np.zeros(0)]
     return Transcription(
         variables,
@@ -197,25 +237,44 @@ class Binding:
         ValueError
             If something is missing, too short, or not finite.
         """
-        bound = []
-        for term in self.problem.objectives:
-            values = term.bind(self.problem.pieces, data)
-            for name, shape in term.shapes.items():
-                found = np.shape(values[name])
-                if found != (self.problem.pieces, *shape):
-                    raise ValueError(
-                        f"{type(term).__name__}.{name}: shape {found}; allowed: {(self.problem.pieces, *shape)}"
-                    )
-                if not np.all(np.isfinite(values[name])):
-                    raise ValueError(f"{type(term).__name__}.{name} is not finite")
-            bound.append(stack_parameters(term, values))
-        return bound
+        return [self._bound(term, self.problem.pieces, data) for term in self.problem.objectives]
+
+    def limit_parameters(self, data: Mapping[str, Any]) -> list[Array]:
+        """Parameters of each constraint, one knot a column ``(size, p+1)``; an empty list if none has any.
+
+        Raises
+        ------
+        ValueError
+            As :meth:`objective_parameters`.
+        """
+        knots = self.problem.pieces + 1
+        if not any(limit_size(constraint) for constraint in self.problem.constraints):
+            return []
+        return [
+            self._bound(constraint, knots, data) if isinstance(constraint, MovingConstraint) else np.zeros((0, knots))
+            for constraint in self.problem.constraints
+        ]
+
+    def _bound(self, term: Objective | MovingConstraint, count: int, data: Mapping[str, Any]) -> Array:
+        values = term.bind(self.problem.pieces, data)
+        for name, shape in term.shapes.items():
+            found = np.shape(values[name])
+            if found != (count, *shape):
+                raise ValueError(f"{type(term).__name__}.{name}: shape {found}; allowed: {(count, *shape)}")
+            if not np.all(np.isfinite(values[name])):
+                raise ValueError(f"{type(term).__name__}.{name} is not finite")
+        return stack_parameters(term, values)
 
     def vector(
-        self, start: Array, objectives: list[Array], penalties: list[tuple[float, float]], tightening: float
+        self,
+        start: Array,
+        objectives: Sequence[Array],
+        penalties: Sequence[tuple[float, float]],
+        tightening: float,
+        limits: Sequence[Array] = (),
     ) -> Array:
         """The parameter vector, for these (ϖ, w_p) of each penalty."""
-        parts = [start.ravel(), *(values.T.ravel() for values in objectives)]
+        parts = [start.ravel(), *(values.T.ravel() for values in (*objectives, *limits))]
         parts += [np.array([width, weight, tightening]) for width, weight in penalties]
         return np.concatenate(parts)
 
@@ -223,7 +282,8 @@ class Binding:
 class LimitCheck:
     """Evaluates the true limits of a trajectory on a fine grid.
 
-    What is given at the start, and no plan can change, is left out.
+    What is given at the start, and no plan can change, is left out, and so is what is not judged
+    (:attr:`~gbt_ocp.ocp.problem.TrajectoryProblem.judged`).
 
     Parameters
     ----------
@@ -233,27 +293,45 @@ class LimitCheck:
 
     def __init__(self, problem: TrajectoryProblem, points: int = FINE_POINTS) -> None:
         self.points = points
-        self._constraints = problem.constraints
+        judged = [number for number, counts in enumerate(problem.judged) if counts]
+        self._numbers = judged
+        self._constraints = [problem.constraints[number] for number in judged]
         self._given = [first_free_node(problem, c) == 1 for c in self._constraints]
         self._functions = [constraint_function(problem, c) for c in self._constraints]
         self._mapped: dict[int, list[ca.Function]] = {}
 
-    def __call__(self, trajectory: FlatTrajectory) -> Array:
+    def __call__(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
         """Largest violation of each piece ``(p,)`` in units of the limits.
 
         Negative inside them, ``-inf`` without any; the trajectory may have any number of pieces.
+
+        Parameters
+        ----------
+        trajectory
+            What to check.
+        limits
+            Parameters of the constraints from the first knot of the trajectory on; see
+            :meth:`Binding.limit_parameters`. Needed where constraints have any.
         """
+        return np.asarray(self.profile(trajectory, limits).max(axis=1))
+
+    def profile(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
+        """Largest violation at each point of the grid ``(p, points)``, likewise."""
         pieces = trajectory.pieces
         if pieces not in self._mapped:
             self._mapped[pieces] = [function.map(pieces * self.points) for function in self._functions]
-        worst = np.full(trajectory.pieces, -np.inf)
+        worst = np.full((pieces, self.points), -np.inf)
         point = trajectory.sample(self.points)
         columns = [values.reshape(-1, values.shape[-1]).T for values in point]
-        for constraint, given, function in zip(self._constraints, self._given, self._mapped[pieces], strict=True):
-            values = np.asarray(function(*columns))
+        shares = np.linspace(0.0, 1.0, self.points)
+        for number, constraint, given, function in zip(
+            self._numbers, self._constraints, self._given, self._mapped[pieces], strict=True
+        ):
+            moving = between_knots(limits[number][:, : pieces + 1], shares) if limits else []
+            values = np.asarray(function(*columns, *moving))
             over = np.maximum(values - constraint.upper[:, None], constraint.lower[:, None] - values)
-            over = (over / constraint.scale[:, None]).max(axis=0).reshape(trajectory.pieces, self.points)
+            over = (over / constraint.scale[:, None]).max(axis=0).reshape(pieces, self.points)
             if given:
                 over[0, 0] = -np.inf
-            worst = np.maximum(worst, over.max(axis=1))
+            worst = np.maximum(worst, over)
         return worst

@@ -210,6 +210,11 @@ class GaussianProcessTracker:
         """θ, with the nugget that the last factorisation needed."""
         return self.posterior.hyperparameters
 
+    @property
+    def prior_covariance(self) -> Array:
+        """Prior covariance of the position at any time under θ ``(d, d)`` in m²."""
+        return self.posterior.prior_covariance
+
     def bound(self, times: ArrayLike, delta: float) -> Array:
         """Bound of theorem 1 on the error at all of the times ``(K,)`` at once, in metres ``(K,)``."""
         theta = self.hyperparameters

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,9 +81,6 @@ class LogLikelihood:
     def expand(self, log_theta: Array) -> tuple[float, Array, Array]:
         """Value, gradient, and Fisher information (the expected negative Hessian) by log θ.
 
-        With ``W_i = Ω⁻¹ ∂Ω/∂θ_i`` the gradient is ``½ (αᵀ ∂Ω/∂θ_i α - tr W_i)``, ``α = Ω⁻¹ y``, and the information
-        ``½ tr(W_i W_j)`` (Rasmussen and Williams 2006, equation 5.9; Mardia and Marshall 1984).
-
         Raises
         ------
         NotPositiveDefiniteError
@@ -97,25 +95,53 @@ class LogLikelihood:
         process[diagonal, diagonal] += variance * nugget
         omega = process.copy()
         omega[diagonal, diagonal] += self._variances
-        factor = cholesky(omega)
-        weights = lapack.dpotrs(factor, self._values, lower=1)[0]
-        value = -0.5 * (self._values @ weights + len(weights) * np.log(2.0 * np.pi)) - np.log(factor.diagonal()).sum()
         slopes = [variance * self._gram * dk for dk in derivatives]
         slopes.append(2.0 * process)
         if self._nugget is None:
             slopes.append(np.diag(np.full(len(process), variance * nugget)))
-        relative = [lapack.dpotrs(factor, slope, lower=1)[0] for slope in slopes]
-        gradient = [0.5 * (weights @ s @ weights - np.trace(w)) for s, w in zip(slopes, relative, strict=True)]
-        size = len(slopes)
-        information = np.empty((size, size))
-        for i in range(size):
-            for j in range(i + 1):
-                information[i, j] = information[j, i] = 0.5 * np.sum(relative[i] * relative[j].T)
-        return float(value), np.array(gradient), information
+        return gaussian_expansion(self._values, omega, np.array(slopes))
+
+
+class Likelihood(Protocol):
+    """A log likelihood of hyperparameters that can be maximised."""
+
+    def expand(self, log_theta: Array) -> tuple[float, Array, Array]:
+        """Value, gradient and Fisher information at θ; may raise :class:`NotPositiveDefiniteError`."""
+
+
+def gaussian_expansion(values: Array, omega: Array, slopes: Array) -> tuple[float, Array, Array]:
+    """Log density of ``y ~ N(0, Ω)``, its gradient, and the Fisher information, by the p parameters of Ω.
+
+    With ``W_i = Ω⁻¹ ∂Ω/∂θ_i`` the gradient is ``½ (αᵀ ∂Ω/∂θ_i α - tr W_i)``, ``α = Ω⁻¹ y``, and the information
+    ``½ tr(W_i W_j)`` (Rasmussen and Williams 2006, equation 5.9; Mardia and Marshall 1984).
+
+    Parameters
+    ----------
+    values
+        y ``(R,)``.
+    omega
+        Ω ``(R, R)``.
+    slopes
+        ∂Ω/∂θ_i ``(p, R, R)``, each symmetric.
+
+    Raises
+    ------
+    NotPositiveDefiniteError
+        If Ω has no Cholesky factor.
+    """
+    count, rows, _ = slopes.shape
+    factor = cholesky(omega)
+    weights = lapack.dpotrs(factor, values, lower=1)[0]
+    value = -0.5 * (values @ weights + rows * np.log(2.0 * np.pi)) - np.log(factor.diagonal()).sum()
+    # all right-hand sides at once; what comes out of them in this order are the W_iᵀ
+    relative = lapack.dpotrs(factor, slopes.reshape(-1, rows).T, lower=1)[0].T.reshape(slopes.shape)
+    gradient = 0.5 * ((slopes @ weights) @ weights - np.trace(relative, axis1=1, axis2=2))
+    information = 0.5 * relative.reshape(count, -1) @ np.swapaxes(relative, 1, 2).reshape(count, -1).T
+    return float(value), gradient, information
 
 
 def maximise(
-    likelihood: LogLikelihood,
+    likelihood: Likelihood,
     start: Array,
     bounds: Sequence[tuple[float, float]],
     priors: Sequence[LogNormal | None],
@@ -157,7 +183,7 @@ def maximise(
     return theta
 
 
-def likelier(likelihood: LogLikelihood, first: Array, second: Array, priors: Sequence[LogNormal | None]) -> Array:
+def likelier(likelihood: Likelihood, first: Array, second: Array, priors: Sequence[LogNormal | None]) -> Array:
     """Whichever log θ has the larger likelihood times priors; the first in a tie."""
     here, there = (_posterior_expansion(likelihood, theta, priors) for theta in (first, second))
     if there is None or (here is not None and here[0] >= there[0]):
@@ -166,7 +192,7 @@ def likelier(likelihood: LogLikelihood, first: Array, second: Array, priors: Seq
 
 
 def _posterior_expansion(
-    likelihood: LogLikelihood, theta: Array, priors: Sequence[LogNormal | None]
+    likelihood: Likelihood, theta: Array, priors: Sequence[LogNormal | None]
 ) -> tuple[float, Array, Array] | None:
     """Value, gradient and information of likelihood times priors; ``None`` where Ω is not positive definite."""
     try:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +61,60 @@ class Hyperparameters:
         return float(np.exp(self.log_amplitude))
 
 
-class Posterior:
+class Conditional:
+    """A Gaussian process of the target's position, conditioned on linear measurements.
+
+    What the process is, a subclass says by :attr:`prior_covariance` and :meth:`_cross`.
+
+    Parameters
+    ----------
+    measurements
+        What was measured.
+    centre
+        Prior mean ``(d,)``.
+    process
+        Prior covariance of the rows of the measurements ``(R, R)`` in m².
+    noise
+        Variance of each row on top of its own, in m².
+
+    Raises
+    ------
+    NotPositiveDefiniteError
+        If Ω_yy has no Cholesky factor; see :func:`with_raised_nugget`.
+    """
+
+    def __init__(self, measurements: Measurements, centre: Array, process: Array, noise: float) -> None:
+        self._data = measurements
+        self._centre = centre
+        omega = process
+        omega[np.diag_indices_from(omega)] += noise + measurements.variances
+        # LAPACK wants at least one row; one that no direction enters leaves the prior as it is
+        if not len(measurements.times):
+            self._data = Measurements(np.zeros(1), np.zeros((1, len(centre))), np.zeros(1), np.ones(1))
+            omega = np.ones((1, 1))
+        self._factor = cholesky(omega)
+        self._weights = lapack.dpotrs(self._factor, self._data.relative_to(centre), lower=1)[0]
+
+    @property
+    def prior_covariance(self) -> Array:
+        """Prior covariance of the position at any time ``(d, d)`` in m²."""
+        raise NotImplementedError
+
+    def _cross(self, times: Array) -> Array:
+        """Ω*_yP: rows of measurements against each coordinate at each time ``(R, K, d)``."""
+        raise NotImplementedError
+
+    def predict(self, times: Array) -> Forecast:
+        """μ ``(K, d)`` and Σ ``(K, d, d)`` at the times ``(K,)`` (``eq16``, ``eq17``)."""
+        cross = self._cross(times)
+        rows, count, dimension = cross.shape
+        mean = self._centre + np.tensordot(self._weights, cross, axes=1)
+        solved = lapack.dtrtrs(self._factor, cross.reshape(rows, -1), lower=1)[0].reshape(rows, count, dimension)
+        covariance = self.prior_covariance - np.einsum("rki,rkj->kij", solved, solved)
+        return Forecast(mean, covariance)
+
+
+class Posterior(Conditional):
     """Conditions ``P_T(t) ~ GP(centre, a² k I)`` on measurements.
 
     Parameters
@@ -82,36 +137,27 @@ class Posterior:
     ) -> None:
         self._kernel = kernel
         self._theta = hyperparameters
-        self._data = measurements
-        self._centre = centre
-        variance = np.exp(2.0 * hyperparameters.log_amplitude)
+        self._variance = np.exp(2.0 * hyperparameters.log_amplitude)
         t, h = measurements.times, measurements.directions
-        omega = variance * (kernel(t[:, None] - t[None, :], hyperparameters.log_kernel) * (h @ h.T))
-        omega[np.diag_indices_from(omega)] += variance * hyperparameters.nugget + measurements.variances
-        # LAPACK wants at least one row; one that no direction enters leaves the prior as it is
-        if not len(t):
-            self._data = Measurements(np.zeros(1), np.zeros((1, len(centre))), np.zeros(1), np.ones(1))
-            omega = np.ones((1, 1))
-        self._factor = cholesky(omega)
-        self._weights = lapack.dpotrs(self._factor, self._data.relative_to(centre), lower=1)[0]
+        process = self._variance * (kernel(t[:, None] - t[None, :], hyperparameters.log_kernel) * (h @ h.T))
+        super().__init__(measurements, centre, process, self._variance * hyperparameters.nugget)
 
     @property
     def hyperparameters(self) -> Hyperparameters:
         """θ with the nugget that was needed."""
         return self._theta
 
-    def predict(self, times: Array) -> Forecast:
-        """μ ``(K, d)`` and Σ ``(K, d, d)`` at the times ``(K,)`` (``eq16``, ``eq17``)."""
-        variance = np.exp(2.0 * self._theta.log_amplitude)
-        data = self._data
-        k = variance * self._kernel(data.times[:, None] - times[None, :], self._theta.log_kernel)
-        # Ω*_yP: rows of measurements against each coordinate at each time
-        cross = k[:, :, None] * data.directions[:, None, :]
-        rows, count, dimension = cross.shape
-        mean = self._centre + np.tensordot(self._weights, cross, axes=1)
-        solved = lapack.dtrtrs(self._factor, cross.reshape(rows, -1), lower=1)[0].reshape(rows, count, dimension)
-        covariance = variance * np.eye(dimension) - np.einsum("rki,rkj->kij", solved, solved)
-        return Forecast(mean, covariance)
+    @property
+    def prior_covariance(self) -> Array:
+        """``a² I`` ``(d, d)`` in m²."""
+        return np.asarray(self._variance * np.eye(len(self._centre)))
+
+    def _cross(self, times: Array) -> Array:
+        k = self._variance * self._kernel(self._data.times[:, None] - times[None, :], self._theta.log_kernel)
+        return np.asarray(k[:, :, None] * self._data.directions[:, None, :])
+
+
+AnyPosterior = TypeVar("AnyPosterior", bound=Conditional)
 
 
 def condition(
@@ -123,13 +169,20 @@ def condition(
     -------
     The posterior, and how often the nugget had to be raised.
     """
-    nugget, retries = hyperparameters.nugget, 0
+    return with_raised_nugget(
+        lambda nugget: Posterior(kernel, replace(hyperparameters, nugget=nugget), measurements, centre),
+        hyperparameters.nugget,
+    )
+
+
+def with_raised_nugget(posterior: Callable[[float], AnyPosterior], nugget: float) -> tuple[AnyPosterior, int]:
+    """The posterior as a function of the nugget, at the first of ``nugget · 10^j`` with which it can be computed."""
+    retries = 0
     while True:
-        theta = Hyperparameters(hyperparameters.log_kernel, hyperparameters.log_amplitude, nugget)
         try:
-            return Posterior(kernel, theta, measurements, centre), retries
+            return posterior(nugget), retries
         except NotPositiveDefiniteError:
-            # K∘HHᵀ is a positive semidefinite matrix with diagonal a²: a nugget of a per cent always suffices.
+            # The process has a positive semidefinite matrix with mean diagonal about a²: a per cent always suffices.
             if nugget >= LARGEST_NUGGET:
                 raise
             nugget, retries = min(10.0 * max(nugget, SMALLEST_NUGGET), LARGEST_NUGGET), retries + 1

@@ -39,6 +39,25 @@ class Tracker(Protocol):
 
 
 @runtime_checkable
+class PositionTracker(Protocol):
+    """An estimator that is given the target's measured position instead of a bearing.
+
+    Attributes
+    ----------
+    position_std
+        Standard deviation in metres of the measured position on each axis.
+    """
+
+    position_std: float
+
+    def update_position(self, time: float, position: ArrayLike) -> None:
+        """Take in a position ``(d,)`` in metres measured at ``time`` in seconds."""
+
+    def predict(self, times: ArrayLike) -> Forecast:
+        """Posterior of the target's position at the times ``(K,)`` in seconds."""
+
+
+@runtime_checkable
 class GaussianProcess(Tracker, Protocol):
     """A tracker that tunes a kernel on its window and bounds its own error; the closed loop records both."""
 
@@ -48,6 +67,10 @@ class GaussianProcess(Tracker, Protocol):
     @property
     def hyperparameters(self) -> Hyperparameters:
         """θ of the latest posterior."""
+
+    @property
+    def prior_covariance(self) -> Array:
+        """Prior covariance of the position at any time under θ ``(d, d)`` in m²."""
 
     def bound(self, times: ArrayLike, delta: float) -> Array:
         """Bound on the error at the times ``(K,)`` that holds with probability ``1 - delta``, in metres ``(K,)``."""

@@ -41,6 +41,28 @@ class Measurements:
         return np.asarray(self.values - self.directions @ centre)
 
 
+def checked_sample(
+    time: float, bearing: ArrayLike, own_position: ArrayLike, latest: float | None
+) -> tuple[Array, Array]:
+    """Bearing and own position ``(d,)`` as new arrays; ``latest`` is the time of the sample before, in seconds.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite, the bearing is no unit vector, or time does not increase.
+    """
+    b, own = np.array(bearing, dtype=float), np.array(own_position, dtype=float)
+    if b.shape != own.shape or b.shape not in ((2,), (3,)):
+        raise ValueError(f"bearing and own position must both be 2 or 3 numbers, found {b.shape} and {own.shape}")
+    if not (np.isfinite(time) and np.all(np.isfinite(b)) and np.all(np.isfinite(own))):
+        raise ValueError("time, bearing and own position must be finite")
+    if abs(np.linalg.norm(b) - 1.0) > 1e-6:
+        raise ValueError(f"a bearing must have length 1, found {np.linalg.norm(b):.6g}")
+    if latest is not None and time <= latest:
+        raise ValueError(f"time must increase, found {time} after {latest}")
+    return b, own
+
+
 class Window:
     """Keeps the latest ``min(N_c, k+1)`` samples.
 
@@ -67,16 +89,13 @@ class Window:
         ValueError
             If a number is not finite, the bearing is no unit vector, or time does not increase.
         """
-        b, own = np.array(bearing, dtype=float), np.array(own_position, dtype=float)
-        if b.shape != own.shape or b.shape not in ((2,), (3,)):
-            raise ValueError(f"bearing and own position must both be 2 or 3 numbers, found {b.shape} and {own.shape}")
-        if not (np.isfinite(time) and np.all(np.isfinite(b)) and np.all(np.isfinite(own))):
-            raise ValueError("time, bearing and own position must be finite")
-        if abs(np.linalg.norm(b) - 1.0) > 1e-6:
-            raise ValueError(f"a bearing must have length 1, found {np.linalg.norm(b):.6g}")
-        if self._samples and time <= self._samples[-1][0]:
-            raise ValueError(f"time must increase, found {time} after {self._samples[-1][0]}")
+        b, own = checked_sample(time, bearing, own_position, self._samples[-1][0] if self._samples else None)
         self._samples.append((float(time), b, own))
+
+    @property
+    def latest(self) -> tuple[float, Array, Array]:
+        """Time in seconds, bearing and own position ``(d,)`` of the latest sample; not of an empty window."""
+        return self._samples[-1]
 
     @property
     def times(self) -> Array:

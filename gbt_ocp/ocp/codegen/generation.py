@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.ocp.braking import drift
 from gbt_ocp.ocp.codegen.expressions import c_function, c_source
-from gbt_ocp.ocp.constraints import PathConstraint
+from gbt_ocp.ocp.constraints import Constraint
 from gbt_ocp.ocp.objectives import FromMoments
 from gbt_ocp.ocp.problem import HardLimit, PenaltyLimit, TrajectoryProblem
 from gbt_ocp.ocp.trajectory import FlatPoint
-from gbt_ocp.ocp.transcription import FINE_POINTS, first_free_node, input_scale
+from gbt_ocp.ocp.transcription import FINE_POINTS, constraint_value, first_free_node, input_scale, limit_size
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,9 @@ def generate_problem(problem: TrajectoryProblem) -> GeneratedProblem:
     parameters = sum(rows * columns for term in problem.objectives for rows, columns in term.shapes.values())
     objective_functions, objective_text, hessian_entries = _objective(problem, parameters)
     imposed: list[HardLimit | PenaltyLimit] = [*problem.hard, *problem.penalties]
-    limits = [_limit(problem, number, limit) for number, limit in enumerate(imposed)]
+    sizes = [limit_size(limit.constraint) for limit in imposed]
+    moving = sum(sizes)
+    limits = [_limit(problem, number, limit, moving, sum(sizes[:number])) for number, limit in enumerate(imposed)]
     per_piece = [limit.nodes * problem.pieces for limit in limits]
     sides = sum(count * limit.sides for count, limit in zip(per_piece, limits, strict=True))
     jacobians = sum(count * limit.jacobian_entries for count, limit in zip(per_piece, limits, strict=True))
@@ -71,6 +73,7 @@ def generate_problem(problem: TrajectoryProblem) -> GeneratedProblem:
         pieces=problem.pieces,
         period=repr(float(problem.period)),
         parameters=parameters,
+        moving=moving,
         limits=len(limits),
         count=sides,
         sides=max(sides, 1),
@@ -99,8 +102,10 @@ def generate_problem(problem: TrajectoryProblem) -> GeneratedProblem:
 
 
 def from_moments(problem: TrajectoryProblem) -> bool:
-    """Whether all objectives say how their parameters come from the moments of a forecast."""
-    return all(isinstance(term, FromMoments) for term in problem.objectives)
+    """Whether the moments of a forecast at the endpoints are all that the problem needs."""
+    return all(isinstance(term, FromMoments) for term in problem.objectives) and not any(
+        limit_size(constraint) for constraint in problem.constraints
+    )
 
 
 def _published(problem: TrajectoryProblem) -> list[ca.Function]:
@@ -175,7 +180,7 @@ def _objective(problem: TrajectoryProblem, parameters: int) -> tuple[list[ca.Fun
     return functions, text, len(rows_)
 
 
-def _sides(constraint: PathConstraint) -> list[tuple[int, float, float, float]]:
+def _sides(constraint: Constraint) -> list[tuple[int, float, float, float]]:
     """(row, sign, bound for the solver, true bound) of every finite bound, in units of the limit."""
     found = []
     for bounds, sign in ((constraint.upper, 1.0), (constraint.lower, -1.0)):
@@ -185,20 +190,25 @@ def _sides(constraint: PathConstraint) -> list[tuple[int, float, float, float]]:
     return found
 
 
-def _limit(problem: TrajectoryProblem, number: int, limit: HardLimit | PenaltyLimit) -> _Limit:
+def _limit(
+    problem: TrajectoryProblem, number: int, limit: HardLimit | PenaltyLimit, moving: int, offset: int
+) -> _Limit:
     size, constraint = problem.vehicle.flat_dimension, limit.constraint
     name = f"limit{number}"
-    point = ca.SX.sym("point", 3 * size)
-    value = ca.SX(ca.vertcat(constraint.value(_split(point, size)))) / ca.DM(constraint.scale)
+    place = ca.SX.sym("place", 3 * size + moving)
+    own = place[3 * size + offset : 3 * size + offset + limit_size(constraint)]
+    value = ca.SX(ca.vertcat(constraint_value(constraint, _split(place[: 3 * size], size), own)))
+    value = value / ca.DM(constraint.scale)
     first, second = ca.SX.sym("first", value.numel()), ca.SX.sym("second", value.numel())
-    jacobian = ca.jacobian(value, point)
-    curvature = ca.hessian(ca.dot(first, value), point)[0] + ca.mtimes([jacobian.T, ca.diag(second), jacobian])
+    jacobian = ca.jacobian(value, place)[:, : 3 * size]
+    curvature = ca.hessian(ca.dot(first, value), place)[0][: 3 * size, : 3 * size]
+    curvature += ca.mtimes([jacobian.T, ca.diag(second), jacobian])
     slopes, slope_rows, slope_columns = _nonzeros(jacobian)
     curves, curve_rows, curve_columns = _nonzeros(ca.tril(curvature))
     functions = [
-        c_function(f"{name}_value", [point], value),
-        c_function(f"{name}_jacobian", [point], slopes),
-        c_function(f"{name}_curvature", [point, first, second], curves),
+        c_function(f"{name}_value", [place], value),
+        c_function(f"{name}_jacobian", [place], slopes),
+        c_function(f"{name}_curvature", [place, first, second], curves),
     ]
     sides = _sides(constraint)
     weights, widths = _penalty(problem, limit, [side[0] for side in sides])
@@ -216,9 +226,9 @@ def _limit(problem: TrajectoryProblem, number: int, limit: HardLimit | PenaltyLi
         ("int", "curvature_row", curve_rows),
         ("int", "curvature_column", curve_columns),
     )
-    hard = int(isinstance(limit, HardLimit))
+    hard, judged = int(isinstance(limit, HardLimit)), int(problem.judged[number])
     definition = (
-        f"    {{{value.numel()}, {len(sides)}, {limit.nodes}, {begin}, {hard}, {given},\n"
+        f"    {{{value.numel()}, {len(sides)}, {limit.nodes}, {begin}, {hard}, {given}, {judged},\n"
         f"     {name}_side_row, {name}_side_sign, {name}_side_bound,\n"
         f"     {name}_side_edge, {name}_side_weight, {name}_side_width,\n"
         f"     {name}_value, {name}_jacobian, {name}_curvature,\n"
@@ -266,6 +276,7 @@ typedef double gbt_real;
 #define GBT_PIECES {pieces}            /* p, pieces of the trajectory */
 #define GBT_PERIOD ((gbt_real){period}) /* T, length of a piece in seconds */
 #define GBT_PARAMETERS {parameters}       /* numbers that the objective needs at each endpoint */
+#define GBT_MOVING {moving}           /* numbers that the path constraints need at each time */
 #define GBT_LIMITS {limits}            /* path constraints */
 #define GBT_COUNT {count}           /* bounds at all nodes: "sides" */
 #define GBT_SIDES {sides}           /* the same, at least 1: for arrays */
@@ -291,13 +302,14 @@ typedef struct {{
 typedef struct {{
     int rows, sides, intervals, first, hard;
     int given;                       /* at the start of the trajectory no plan can change it */
+    int judged;                      /* a piece that breaks it is not executed */
     const int *row;                  /* of each side: which value is bounded, */
     const gbt_real *sign, *bound;    /* to be kept at sign * value <= bound, */
     const gbt_real *edge;            /* which may lie within the true limit, */
     const gbt_real *weight, *width;  /* and of a penalty its weight at an inner node and its half width */
-    gbt_function value;              /* (point) -> values */
-    gbt_function jacobian;           /* (point) -> nonzeros */
-    gbt_function curvature;          /* (point, first, second) -> Hessian of first'value + J' diag(second) J */
+    gbt_function value;              /* (place) -> values; a place is a point and the GBT_MOVING numbers */
+    gbt_function jacobian;           /* (place) -> nonzeros */
+    gbt_function curvature;          /* (place, first, second) -> Hessian of first'value + J' diag(second) J */
     int jacobian_entries;
     const int *jacobian_row, *jacobian_column;
     int curvature_entries;           /* of the lower triangle */

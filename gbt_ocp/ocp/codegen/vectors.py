@@ -117,7 +117,9 @@ def _inputs(problem: TrajectoryProblem, step: Mapping[str, Any], moments: bool) 
         row["desired"] = np.asarray(step["desired"], dtype=float)[:p]
     else:
         data = {name: value for name, value in step.items() if name != "state"}
-        row["parameters"] = np.vstack(Binding(problem).objective_parameters(data)).T
+        binding = Binding(problem)
+        blocks = [binding.objective_parameters(data), binding.limit_parameters(data)]
+        row["parameters"] = np.concatenate([np.vstack(block).T.ravel() for block in blocks if block])
     return row
 
 

@@ -25,10 +25,10 @@ static gbt_real end_speed(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GB
 }
 
 /* Tries piece[GBT_DEGREE]; returns 1 if it is better than the best. */
-static int improve(gbt_real piece[GBT_ORDERS][GBT_FLAT], candidate *best)
+static int improve(gbt_real piece[GBT_ORDERS][GBT_FLAT], const gbt_real *moving, candidate *best)
 {
     gbt_real next[GBT_ORDERS][GBT_FLAT], broken, speed;
-    gbt_check(&piece[0][0], piece[GBT_DEGREE], 1, GBT_FINE_POINTS, &broken);
+    gbt_check(&piece[0][0], piece[GBT_DEGREE], 1, GBT_FINE_POINTS, moving, &broken);
     if (broken < 0) broken = 0;
     speed = end_speed(piece, next);
     if (!(broken < best->broken || (broken == best->broken && speed < best->speed))) return 0;
@@ -38,7 +38,7 @@ static int improve(gbt_real piece[GBT_ORDERS][GBT_FLAT], candidate *best)
     return 1;
 }
 
-static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT])
+static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], const gbt_real *moving)
 {
     gbt_real drift[GBT_FLAT], stop[GBT_FLAT], reach = (gbt_real)0.25;
     candidate best;
@@ -62,7 +62,7 @@ static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT])
             const gbt_real last = b == 0 ? share : (gbt_real)(b - 1) / 2;
             for (int j = 0; j < GBT_FLAT; j++)
                 piece[GBT_DEGREE][j] = drift[j] + (j == GBT_FLAT - 1 ? last : share) * (stop[j] - drift[j]);
-            improve(piece, &best);
+            improve(piece, moving, &best);
         }
     /* Fast turns couple the axes: then no mixture of drifting and stopping may keep the limits. */
     for (int round = 0; round < ROUNDS; round++) {
@@ -71,19 +71,19 @@ static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT])
             for (int sign = 1; sign >= -1; sign -= 2) {
                 for (int j = 0; j < GBT_FLAT; j++) piece[GBT_DEGREE][j] = best.top[j];
                 piece[GBT_DEGREE][axis] += (gbt_real)sign * reach * gbt_input_scale[axis];
-                if (improve(piece, &best)) moved = 1;
+                if (improve(piece, moving, &best)) moved = 1;
             }
         if (!moved) reach /= 2;
     }
     for (int j = 0; j < GBT_FLAT; j++) piece[GBT_DEGREE][j] = best.top[j];
 }
 
-void gbt_brake(const gbt_real *start, gbt_real *top)
+void gbt_brake(const gbt_real *start, const gbt_real *moving, gbt_real *top)
 {
     gbt_real piece[GBT_ORDERS][GBT_FLAT], next[GBT_ORDERS][GBT_FLAT];
     for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = start[a];
     for (int i = 0; i < GBT_PIECES; i++) {
-        brake_piece(piece);
+        brake_piece(piece, moving + i * GBT_MOVING);
         for (int j = 0; j < GBT_FLAT; j++) top[i * GBT_FLAT + j] = piece[GBT_DEGREE][j];
         gbt_next_piece(piece, next);
         for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = next[a / GBT_FLAT][a % GBT_FLAT];

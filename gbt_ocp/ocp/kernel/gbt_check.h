@@ -9,7 +9,10 @@
 
    start    derivatives 0 .. L-1, GBT_DEGREE x GBT_FLAT
    top      L-th derivatives, pieces x GBT_FLAT, not scaled
-   points   of the grid of a piece, both ends included, at least 2 */
-void gbt_check(const gbt_real *start, const gbt_real *top, int pieces, int points, gbt_real *violation);
+   pieces   how many, any number
+   points   of the grid of a piece, both ends included, at least 2
+   moving   of the limits at the boundaries, (pieces + 1) x GBT_MOVING */
+void gbt_check(const gbt_real *start, const gbt_real *top, int pieces, int points, const gbt_real *moving,
+               gbt_real *violation);
 
 #endif

@@ -30,6 +30,20 @@ void gbt_point_after(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real s, gbt_real 
     point_at(piece, power, point);
 }
 
+void gbt_moving_at(const gbt_real *ends, gbt_real share, gbt_real *place)
+{
+    for (int m = 0; m < GBT_MOVING; m++)
+        place[GBT_POINT + m] = (1 - share) * ends[m] + share * ends[GBT_MOVING + m];
+}
+
+/* What a limit looks at: the point of piece i after a share of it, and the limit's numbers there. */
+static void place_at(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GBT_FLAT], int i, gbt_real share,
+                     const gbt_real *power, gbt_real *place)
+{
+    point_at(piece[i], power, place);
+    gbt_moving_at(work->parameters + GBT_LIMIT_NUMBERS + i * GBT_MOVING, share, place);
+}
+
 void gbt_next_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDERS][GBT_FLAT])
 {
     gbt_real power[GBT_ORDERS];
@@ -61,7 +75,7 @@ void gbt_adjoint(gbt_real gradient[][GBT_ORDERS][GBT_FLAT], gbt_real out[][GBT_F
 
 gbt_real gbt_evaluate(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GBT_FLAT], gbt_real *y)
 {
-    gbt_real power[GBT_ORDERS], point[GBT_POINT], value[GBT_ROWS], f = 0;
+    gbt_real power[GBT_ORDERS], point[GBT_PLACE], value[GBT_ROWS], f = 0;
     gbt_taylor(GBT_PERIOD, power);
     for (int i = 0; i < GBT_PIECES; i++) {
         point_at(piece[i], power, point);
@@ -71,9 +85,10 @@ gbt_real gbt_evaluate(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GB
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
         for (int k = limit->first; k <= limit->intervals; k++) {
-            gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, power);
+            const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
+            gbt_taylor(GBT_PERIOD * share, power);
             for (int i = 0; i < GBT_PIECES; i++) {
-                point_at(piece[i], power, point);
+                place_at(work, piece, i, share, power, point);
                 limit->value(point, 0, 0, value);
                 for (int r = 0; r < limit->sides; r++)
                     *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening;
@@ -85,7 +100,7 @@ gbt_real gbt_evaluate(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GB
 
 void gbt_differentiate(gbt_workspace *work)
 {
-    gbt_real power[GBT_ORDERS], point[GBT_POINT], slope[GBT_POINT];
+    gbt_real power[GBT_ORDERS], point[GBT_PLACE], slope[GBT_POINT];
     gbt_real *jacobian = work->jacobian;
     gbt_taylor(GBT_PERIOD, power);
     for (int i = 0; i < GBT_PIECES; i++) {
@@ -99,9 +114,10 @@ void gbt_differentiate(gbt_workspace *work)
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
         for (int k = limit->first; k <= limit->intervals; k++) {
-            gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, power);
+            const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
+            gbt_taylor(GBT_PERIOD * share, power);
             for (int i = 0; i < GBT_PIECES; i++) {
-                point_at(work->piece[i], power, point);
+                place_at(work, work->piece, i, share, power, point);
                 limit->jacobian(point, 0, 0, jacobian);
                 jacobian += limit->jacobian_entries;
             }
@@ -170,7 +186,7 @@ static void add_half(const gbt_real *power, const gbt_real *entry, int entries, 
 
 void gbt_assemble(gbt_workspace *work)
 {
-    gbt_real power[GBT_ORDERS], point[GBT_POINT], entry[GBT_ENTRIES], first[GBT_ROWS], second[GBT_ROWS];
+    gbt_real power[GBT_ORDERS], point[GBT_PLACE], entry[GBT_ENTRIES], first[GBT_ROWS], second[GBT_ROWS];
     const gbt_real *lambda = work->lambda, *sigma = work->sigma;
     const gbt_real weight = -1;
 
@@ -186,14 +202,15 @@ void gbt_assemble(gbt_workspace *work)
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
         for (int k = limit->first; k <= limit->intervals; k++) {
-            gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, power);
+            const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
+            gbt_taylor(GBT_PERIOD * share, power);
             for (int i = 0; i < GBT_PIECES; i++) {
                 for (int r = 0; r < limit->rows; r++) first[r] = second[r] = 0;
                 for (int r = 0; r < limit->sides; r++) {
                     first[limit->row[r]] += limit->sign[r] * *lambda++;
                     second[limit->row[r]] += *sigma++;
                 }
-                point_at(work->piece[i], power, point);
+                place_at(work, work->piece, i, share, power, point);
                 limit->curvature(point, first, second, entry);
                 add_half(power, entry, limit->curvature_entries, limit->curvature_row, limit->curvature_column,
                          work->curvature[i]);

@@ -11,6 +11,9 @@ void gbt_taylor(gbt_real s, gbt_real power[GBT_ORDERS]);
 /* z, its rate and its acceleration after s seconds of a piece. */
 void gbt_point_after(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real s, gbt_real *point);
 
+/* The numbers that constraints need at a share of a piece, from those at its two ends: the last of a place. */
+void gbt_moving_at(const gbt_real *ends, gbt_real share, gbt_real *place);
+
 /* Derivatives 0 .. L-1 at the end of a piece. */
 void gbt_next_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDERS][GBT_FLAT]);
 

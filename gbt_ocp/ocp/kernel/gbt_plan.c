@@ -61,7 +61,8 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
         plan->iterations += result.iterations;
         if (result.status != GBT_SOLVED) return result.status;
         for (int k = 0; k < N; k++) plan->top[k / GBT_FLAT][k % GBT_FLAT] = u[k] * gbt_input_scale[k % GBT_FLAT];
-        gbt_check(state, &plan->top[0][0], GBT_PIECES, GBT_FINE_POINTS, plan->piece_violation);
+        gbt_check(state, &plan->top[0][0], GBT_PIECES, GBT_FINE_POINTS, parameters + GBT_LIMIT_NUMBERS,
+                  plan->piece_violation);
         if (plan->piece_violation[0] <= 0) return GBT_SOLVED;
         if (tightened == GBT_TIGHTENINGS) return GBT_BROKEN_BETWEEN_NODES;
         plan->tightened++;
@@ -75,7 +76,8 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
 static void complete(const gbt_real *state, const gbt_real *parameters, gbt_plan_result *plan)
 {
     gbt_real piece[GBT_ORDERS][GBT_FLAT], next[GBT_ORDERS][GBT_FLAT], point[GBT_POINT], term;
-    gbt_check(state, &plan->top[0][0], GBT_PIECES, GBT_FINE_POINTS, plan->piece_violation);
+    gbt_check(state, &plan->top[0][0], GBT_PIECES, GBT_FINE_POINTS, parameters + GBT_LIMIT_NUMBERS,
+                  plan->piece_violation);
     plan->objective = plan->violation = 0;
     for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = state[a];
     for (int i = 0; i < GBT_PIECES; i++) {
@@ -101,7 +103,7 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
                                gbt_plan_result *plan)
 {
     gbt_status found;
-    if (!all_finite(state, GBT_STATE) || !all_finite(parameters, GBT_PIECES * GBT_PARAMETERS)) return refuse(plan);
+    if (!all_finite(state, GBT_STATE) || !all_finite(parameters, GBT_NUMBERS)) return refuse(plan);
     plan->iterations = plan->tightened = 0;
 
     if (planner->warm)
@@ -113,7 +115,8 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
     if (found != GBT_SOLVED && planner->warm) {
         /* From where the vehicle really is, which is where the previous plan led unless it was pushed. */
         shift(planner, plan->top);
-        gbt_check(state, &plan->top[0][0], GBT_PIECES, GBT_FINE_POINTS, plan->piece_violation);
+        gbt_check(state, &plan->top[0][0], GBT_PIECES, GBT_FINE_POINTS, parameters + GBT_LIMIT_NUMBERS,
+                  plan->piece_violation);
         if (plan->piece_violation[0] <= 0) {
             plan->origin = GBT_SHIFTED;
             found = GBT_SOLVED;
@@ -126,7 +129,7 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
     }
     if (found != GBT_SOLVED) {
         plan->origin = GBT_BRAKED;
-        gbt_brake(state, &plan->top[0][0]);
+        gbt_brake(state, parameters + GBT_LIMIT_NUMBERS, &plan->top[0][0]);
     }
 
     for (int k = 0; k < N; k++) planner->previous[k / GBT_FLAT][k % GBT_FLAT] = plan->top[k / GBT_FLAT][k % GBT_FLAT];

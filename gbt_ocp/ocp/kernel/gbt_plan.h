@@ -43,7 +43,7 @@ typedef struct {
     gbt_settings settings;
     int warm; /* whether there is a previous plan */
     gbt_real previous[GBT_PIECES][GBT_FLAT];
-    gbt_real parameters[GBT_PIECES * GBT_PARAMETERS + 1];
+    gbt_real parameters[GBT_NUMBERS + 1];
     gbt_workspace work;
 } gbt_planner;
 
@@ -64,7 +64,8 @@ gbt_status gbt_plan(gbt_planner *planner, const gbt_real *state, const gbt_real 
                     const gbt_real *desired, gbt_plan_result *plan);
 #endif
 
-/* The same from the parameters of the objective, GBT_PIECES x GBT_PARAMETERS. */
+/* The same from the parameters of the objective, GBT_PIECES x GBT_PARAMETERS, followed by those of the limits,
+   (GBT_PIECES + 1) x GBT_MOVING. */
 gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, const gbt_real *parameters,
                                gbt_plan_result *plan);
 

@@ -250,7 +250,7 @@ gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const 
     result->iterations = result->starts = 0;
     result->residual = result->violation = HUGE_VAL;
     result->objective = -HUGE_VAL;
-    if (!all_finite(start, GBT_STATE) || !all_finite(parameters, GBT_PIECES * GBT_PARAMETERS) ||
+    if (!all_finite(start, GBT_STATE) || !all_finite(parameters, GBT_NUMBERS) ||
         !all_finite(u, GBT_PIECES * GBT_FLAT) || !isfinite(tightening))
         return result->status;
 

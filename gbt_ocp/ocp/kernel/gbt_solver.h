@@ -13,6 +13,11 @@
 #define GBT_PIECE (GBT_ORDERS * GBT_FLAT)     /* numbers that describe a piece */
 #define GBT_STATE (GBT_DEGREE * GBT_FLAT)     /* derivatives 0 .. L-1: what a piece inherits from the one before */
 #define GBT_POINT (3 * GBT_FLAT)              /* z, its rate and its acceleration at one time */
+#define GBT_PLACE (GBT_POINT + GBT_MOVING)    /* the same, and the numbers that constraints need at that time */
+
+/* numbers that change from solve to solve: of the objective at the endpoints, then of the limits at the boundaries */
+#define GBT_LIMIT_NUMBERS (GBT_PIECES * GBT_PARAMETERS)
+#define GBT_NUMBERS (GBT_LIMIT_NUMBERS + (GBT_PIECES + 1) * GBT_MOVING)
 
 typedef enum {
     GBT_SOLVED = 0,
@@ -80,7 +85,8 @@ size_t gbt_workspace_bytes(void);
 /* Solves one instance.
 
    start        derivatives 0 .. L-1 of the flat output, GBT_DEGREE x GBT_FLAT
-   parameters   of the objective, GBT_PIECES x GBT_PARAMETERS
+   parameters   of the objective, GBT_PIECES x GBT_PARAMETERS, then of the limits at the boundaries of the pieces,
+                (GBT_PIECES + 1) x GBT_MOVING
    tightening   moves every bound inwards, in units of the limits
    warm         whether the guess is near a solution
    u            GBT_PIECES x GBT_FLAT: in, the guess; out, the solution; L-th derivatives over gbt_input_scale */

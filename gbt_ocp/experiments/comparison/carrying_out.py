@@ -1,0 +1,103 @@
+"""How a task is carried out, in this process or in a worker; its file is written at once and whole."""
+
+from __future__ import annotations
+
+import os
+import signal
+from contextlib import nullcontext
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from gbt_ocp.experiments.comparison.closed_loop import run_treated
+from gbt_ocp.experiments.comparison.open_loop import best_chunk, solve_chunk
+from gbt_ocp.experiments.comparison.plan import Plan, Task
+from gbt_ocp.experiments.comparison.problems import Problems, draw, joined, record
+from gbt_ocp.experiments.comparison.sensitivity import solve_sweep
+from gbt_ocp.experiments.comparison.tables import Row, write_rows
+from gbt_ocp.experiments.comparison.treatments import COMPILED, IPOPT, Pair, treated
+from gbt_ocp.experiments.run import interrupted_between_steps
+from gbt_ocp.ocp.codegen.building import find_compiler
+
+PARTS, PROBLEMS = "parts", "problems"
+
+RECORDED_UNDER = ("hard", "elastic")
+"""Runs are recorded under hard limits and under the penalty in turn, so that warm starts favour neither."""
+
+
+@dataclass(frozen=True)
+class CarryOut:
+    """Carries out tasks of a plan in a folder.
+
+    Attributes
+    ----------
+    plan, folder
+        Whose tasks, and where their files go.
+    home
+        Process that the user interrupts. Another process leaves that to it: CasADi would swallow the interrupt and
+        report a failed solve.
+    """
+
+    plan: Plan
+    folder: Path
+    home: int
+
+    def __call__(self, task: Task) -> bool:
+        """Carry out one task."""
+        here = os.getpid() == self.home
+        if not here:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+        with interrupted_between_steps() if here else nullcontext(lambda: None) as check:
+            result = self._result(task)
+            check()
+        path = self.folder / PARTS / task.name
+        if isinstance(result, Problems):
+            result.save(path)
+        else:
+            write_rows(path, result)
+        return True
+
+    def _result(self, task: Task) -> Problems | list[Row]:
+        configuration = self.plan.configurations[task.case]
+        if task.kind == "record":
+            under = treated(configuration, RECORDED_UNDER[task.argument % len(RECORDED_UNDER)])
+            return record(under.model_copy(update={"seed": task.argument}), self.plan.recorded_a_run)
+        if task.kind == "loop":
+            assert task.pair is not None
+            return [run_treated(configuration.model_copy(update={"seed": task.argument}), task.pair)]
+        problems = load_problems(problems_file(self.folder, configuration.name))
+        if task.kind == "best":
+            return best_chunk(configuration, problems, task.argument, _searchers())
+        if task.kind == "sweep":
+            return solve_sweep(configuration, problems, task.argument)
+        assert task.pair is not None
+        mode, numbers = task.argument
+        return solve_chunk(configuration, problems, numbers, task.pair, mode)
+
+
+def problems_file(folder: Path, case: str) -> Path:
+    """Where the problems of an experiment are kept."""
+    return folder / PROBLEMS / f"{case}.npz"
+
+
+def gather_problems(plan: Plan, folder: Path) -> list[int]:
+    """Put the recorded problems of each experiment and its random ones into one file; returns how many each has."""
+    sizes = []
+    for configuration in plan.configurations:
+        path = problems_file(folder, configuration.name)
+        if not path.is_file():
+            parts = [folder / PARTS / f"record-{configuration.name}-{run}.npz" for run in range(plan.runs)]
+            joined([*map(Problems.load, parts), draw(configuration, plan.random)]).save(path)
+        sizes.append(len(load_problems(path)))
+    return sizes
+
+
+@lru_cache(maxsize=2)
+def load_problems(path: Path) -> Problems:
+    """Problems of a file, kept from the last call."""
+    return Problems.load(path)
+
+
+def _searchers() -> list[Pair]:
+    """Who looks for the best known solutions: the fast solver where there is one."""
+    return [Pair(name, COMPILED if find_compiler() else IPOPT) for name in ("hard", "elastic")]

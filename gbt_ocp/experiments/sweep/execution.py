@@ -1,0 +1,65 @@
+"""One run of a sweep, as a worker carries it out: its folder is written at once and whole, whatever happens."""
+
+from __future__ import annotations
+
+import json
+import traceback
+from pathlib import Path
+
+import numpy as np
+
+from gbt_ocp.experiments import run_folder
+from gbt_ocp.experiments.configuration import Configuration
+from gbt_ocp.experiments.sweep.plan import PlannedRun
+
+FAILURE = "failure.json"
+"""Stands in the folder of a failed run in place of its summary."""
+
+ARRAYS = "arrays.npz"
+"""Single arrays of a history."""
+
+
+def execute(run: PlannedRun, folder: Path, histories: bool = True, arrays: tuple[str, ...] = ()) -> bool:
+    """Carry out a run and write its folder; whether it succeeded.
+
+    A run that raises leaves a folder with ``failure.json`` and stops nobody. The temporary folder is there from the
+    beginning: one whose process is gone tells of a run during which the process died.
+
+    Parameters
+    ----------
+    run
+        What to run.
+    folder
+        Where the folders of all runs lie.
+    histories
+        Whether to keep ``history.npz``.
+    arrays
+        Attributes of the history to keep in ``arrays.npz``.
+    """
+    # In here, so that a worker unpickles this function before it pays for CasADi.
+    from gbt_ocp.experiments.run import run as run_experiment
+
+    configuration = run.configuration
+    with run_folder.whole_folder(folder / run.identifier) as temporary:
+        try:
+            result = run_experiment(configuration)
+        except Exception as fault:
+            _write_failure(temporary, configuration, f"{type(fault).__name__}: {fault}", traceback.format_exc())
+            return False
+        result.write(temporary, history=histories, figures=False)
+        if arrays:
+            np.savez(temporary / ARRAYS, **{name: getattr(result.history, name) for name in arrays})
+    return True
+
+
+def record_lost(run: PlannedRun, folder: Path) -> None:
+    """Record a run that took its process down with it."""
+    with run_folder.whole_folder(folder / run.identifier) as temporary:
+        error = "the process died during the run (killed, out of memory, or a crash)"
+        _write_failure(temporary, run.configuration, error, "")
+
+
+def _write_failure(folder: Path, configuration: Configuration, error: str, details: str) -> None:
+    (folder / run_folder.CONFIGURATION).write_text(configuration.to_yaml(), encoding="utf-8")
+    text = json.dumps({"error": " ".join(error.split()), "traceback": details}, indent=2, ensure_ascii=False)
+    (folder / FAILURE).write_text(text + "\n", encoding="utf-8")

@@ -1,0 +1,168 @@
+"""The section ``tracker``: how the target's motion is estimated, one class a method.
+
+A further method is a class below :class:`TrackerSection` with its ``kind``, a line in :data:`TRACKERS`, a member of
+:data:`AnyTracker`, and a function in :mod:`~gbt_ocp.experiments.build_trackers`. Keys of :class:`TrackerSection`
+survive a change of ``kind`` in a stronger layer; all others are dropped with the kind they belong to.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from gbt_ocp.experiments.keys import Covariance, PositionNumbers, Positive, Section, key
+
+TRACKERS = {
+    "gp": "Gaussian process on a window of pseudo-linear bearings (paper, section 3)",
+    "oe_s": "orthogonality-based estimator of a static target",
+    "oe_cv": "orthogonality-based estimator of a target with constant velocity",
+    "plkf": "pseudo-linear Kalman filter",
+    "imm_plkf": "interacting multiple models with pseudo-linear updates",
+    "imm_kf_f": "interacting multiple models that see the target's full position",
+    "pr": "polynomial regression on the window",
+}
+"""Estimators that exist, by ``tracker.kind``."""
+
+
+class Prior(Section):
+    """What is known of the target's position before the first bearing."""
+
+    position: PositionNumbers = Field(
+        description="Expected position in m.", json_schema_extra={"allowed": "{d} numbers"}
+    )
+    std: float | None = key(
+        None, "Standard deviation on each axis in m.", "a number > 0, or null beside covariance", gt=0.0
+    )
+    covariance: Covariance | None = key(
+        None,
+        "Covariance in m^2, instead of std.",
+        "a symmetric positive definite {d} x {d} matrix, or null beside std",
+    )
+
+
+class TrackerSection(Section):
+    """What all estimators share."""
+
+    kind: str = Field(description="Method.")
+    window: int = key(20, "N_c, bearings kept (default 12 in space).", "a whole number >= 2", ge=2)
+    forecast: int = key(11, "n, sampling periods predicted ahead.", "a whole number >= 1", ge=1)
+    prior: Prior | None = key(
+        None, "Prior knowledge of the position.", "null, or a mapping with position and one of std, covariance"
+    )
+
+
+class GaussianProcessTracker(TrackerSection):
+    """The Gaussian-process tracker."""
+
+    kind: Literal["gp"] = Field("gp", description="Gaussian process.")
+    kernel: Literal["se", "matern32", "matern52", "rq"] = key(
+        "se", "Kernel of the process.", "se, matern32, matern52, rq"
+    )
+    centre: Literal["origin", "vehicle"] = key("vehicle", "Where the prior mean lies.", "origin, vehicle")
+    amplitude: Literal["tuned"] | Positive = key(
+        "tuned", "Prior standard deviation in m, tuned on the window or fixed.", "tuned, or a number > 0"
+    )
+    length_scale: Literal["tuned"] | Positive = key(
+        "tuned", "Length scale in s, tuned on the window or fixed.", "tuned, or a number > 0"
+    )
+    nugget: Literal["tuned"] | Positive = key(
+        "tuned",
+        "Variance of a measurement relative to the amplitude squared, tuned on the window or fixed.",
+        "tuned, or a number > 0",
+    )
+    bound_delta: float = key(0.05, "δ, probability that the error bound fails.", "a number in (0, 1]", gt=0.0, le=1.0)
+
+
+class BaselineTracker(TrackerSection):
+    """What the estimators share that the paper compares with."""
+
+    initial_range_m: float = key(
+        3.0, "Range in m at which the first bearing puts the target where there is no prior.", "a number > 0", gt=0.0
+    )
+
+
+class OrthogonalityStaticTracker(BaselineTracker):
+    """Orthogonality-based estimator of a static target."""
+
+    kind: Literal["oe_s"] = Field(description="Orthogonality-based, static target.")
+    position_gain: float = key(10.0, "Gain on the position in 1/s (k1, c1).", "a number > 0", gt=0.0)
+
+
+class OrthogonalityVelocityTracker(BaselineTracker):
+    """Orthogonality-based estimator of a target with constant velocity."""
+
+    kind: Literal["oe_cv"] = Field(description="Orthogonality-based, constant velocity.")
+    position_gain: float = key(10.0, "Gain on the position in 1/s (k1, c1).", "a number > 0", gt=0.0)
+    velocity_gain: float = key(1.0, "Gain on the velocity in 1/s^2 (c2).", "a number > 0", gt=0.0)
+
+
+class FilterTracker(BaselineTracker):
+    """What the Kalman filters share."""
+
+    initial_variance: float = key(
+        1.0,
+        "P0, variance of the velocity (and acceleration) in SI units, and of the position without a prior.",
+        "a number > 0",
+        gt=0.0,
+    )
+    process_noise: float = key(
+        0.1, "q, spectral density of the acceleration in m^2/s^3 under constant velocity.", "a number > 0", gt=0.0
+    )
+
+
+class PseudoLinearKalmanTracker(FilterTracker):
+    """Pseudo-linear Kalman filter."""
+
+    kind: Literal["plkf"] = Field(description="Pseudo-linear Kalman filter.")
+    bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", "a number > 0", gt=0.0)
+    bias_compensated: bool = key(False, "Whether the bias of the update is taken off.", "true, false")
+
+
+class InteractingModelsTracker(FilterTracker):
+    """What both trackers with interacting multiple models share."""
+
+    jerk_noise: float = key(
+        0.1, "Spectral density of the jerk in m^2/s^5 where the acceleration varies.", "a number > 0", gt=0.0
+    )
+    stay_probability: float = key(
+        0.9, "Probability that a mode lasts for another measurement.", "a number between 0 and 1", gt=0.0, lt=1.0
+    )
+    turn_rate_max: float = key(2.0, "Largest turn rate in rad/s.", "a number > 0", gt=0.0)
+
+
+class InteractingPseudoLinearTracker(InteractingModelsTracker):
+    """Interacting multiple models with pseudo-linear updates."""
+
+    kind: Literal["imm_plkf"] = Field(description="Interacting models, bearings.")
+    bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", "a number > 0", gt=0.0)
+
+
+class InteractingPositionTracker(InteractingModelsTracker):
+    """Interacting multiple models that see the target's position, missed where its bearing is."""
+
+    kind: Literal["imm_kf_f"] = Field(description="Interacting models, full positions.")
+    position_std_m: float = key(
+        0.0001, "Noise of the measured position in m, given to the filter too.", "a number > 0", gt=0.0
+    )
+
+
+class PolynomialTracker(BaselineTracker):
+    """Polynomial regression."""
+
+    kind: Literal["pr"] = Field(description="Polynomial regression.")
+    order: int = key(3, "Degree of the polynomial.", "a whole number from 0 to 20", ge=0, le=20)
+    ridge: float = key(1.0e-8, "Weight of the coefficients beside the squared residuals.", "a number > 0", gt=0.0)
+
+
+AnyTracker = Annotated[
+    GaussianProcessTracker
+    | OrthogonalityStaticTracker
+    | OrthogonalityVelocityTracker
+    | PseudoLinearKalmanTracker
+    | InteractingPseudoLinearTracker
+    | InteractingPositionTracker
+    | PolynomialTracker,
+    Field(discriminator="kind"),
+]
+"""The section, told apart by ``kind``."""

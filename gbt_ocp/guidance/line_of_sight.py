@@ -1,0 +1,39 @@
+"""What the reactive laws read off a forecast: range, direction and speed of the estimated target."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gbt_ocp.tracking.protocol import Forecast
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LineOfSight:
+    """Where the target is believed to be, seen from the vehicle.
+
+    Attributes
+    ----------
+    range
+        r̂ in metres.
+    direction
+        λ, unit vector ``(d,)`` from the vehicle to the estimate.
+    target_velocity
+        v̂_T ``(d,)`` in m/s, from the first two positions of the forecast.
+    """
+
+    range: float
+    direction: Array
+    target_velocity: Array
+
+    @classmethod
+    def of(cls, position: Array, forecast: Forecast, period: float) -> LineOfSight:
+        """The line of sight from a position ``(d,)``; an estimate at the vehicle itself is put ahead along x."""
+        line = forecast.mean[0] - position
+        distance = float(np.linalg.norm(line))
+        direction = line / distance if distance > 0.0 else np.eye(len(line))[0]
+        return cls(distance, direction, (forecast.mean[1] - forecast.mean[0]) / period)
