@@ -213,6 +213,7 @@ def outline(form: Form, velocity: tuple[float, ...], directions: int = 32) -> np
 COLUMNS = (
     "case",
     "preset",
+    "pull",
     "p",
     "held",
     "seed",
@@ -226,11 +227,10 @@ COLUMNS = (
 )
 
 
-def one_run(case: str, preset: str, pieces: int, name: str, seed: int, seconds: float) -> list[float]:
+def one_run(case: str, preset: str, pull: float, pieces: int, name: str, seed: int, seconds: float) -> list[float]:
     """A closed loop in which the vehicle goes exactly where the form's model leads."""
     overrides = [f"preset={preset}", f"planner.pieces={pieces}", "planner.formulation=hard", "planner.solver=compiled"]
     loop, start = build_loop(load_config(case, overrides=overrides, seed=seed))
-    pull = 0.2 if preset == "default" else 0.0
     d = loop.target.dimension
     form = make(name, falcon(d), pieces, objectives(d, pull), solver="compiled")
     state = form.start(start)
@@ -267,10 +267,11 @@ def loop(arguments: argparse.Namespace) -> None:
     path = arguments.out / "loop.csv"
     if not path.exists():
         path.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
-    done = {tuple(row[:5]): row for row in list(csv.reader(path.open(encoding="utf-8")))[1:]}
+    done = {tuple(row[:6]): row for row in list(csv.reader(path.open(encoding="utf-8")))[1:]}
     print_header(
         "case",
         "preset",
+        "pull",
         "p",
         "held",
         "seeds",
@@ -282,16 +283,16 @@ def loop(arguments: argparse.Namespace) -> None:
         "distance (m)",
     )
     for setting in arguments.settings.split(";"):
-        case, preset, pieces, name = setting.split(":")
+        case, preset, pull, pieces, name = setting.split(":")
         for seed in range(arguments.seeds):
-            key = (case, preset, pieces, name, str(seed))
+            key = (case, preset, pull, pieces, name, str(seed))
             if key not in done:
-                values = one_run(case, preset, int(pieces), name, seed, arguments.seconds)
+                values = one_run(case, preset, float(pull), int(pieces), name, seed, arguments.seconds)
                 done[key] = [*key, *(f"{value:.6g}" for value in values)]
                 with path.open("a", encoding="utf-8", newline="") as file:
                     csv.writer(file).writerow(done[key])
         found = np.array(
-            [done[case, preset, pieces, name, str(seed)][5:] for seed in range(arguments.seeds)], dtype=float
+            [done[case, preset, pull, pieces, name, str(seed)][6:] for seed in range(arguments.seeds)], dtype=float
         )
         least, median = (f"{column.min():.3f} to {column.max():.3f}" for column in found[:, :2].T)
         print_row(
@@ -299,15 +300,22 @@ def loop(arguments: argparse.Namespace) -> None:
         )
 
 
-SETTINGS = ";".join(
-    [
-        f"case2:paper:{p}:{name}"
-        for p in (5, 10)
-        for name in ("flat", "flat, degree 3", "flat, degree 4", "flat, degree 5")
-    ]
-    + ["case2:default:5:flat", "case2:default:10:flat", "case2:paper:5:thrust", "case2:paper:5:body acceleration"]
-    + ["case2:paper:5:flat, half pieces", "case2:default:5:thrust", "case5:paper:5:flat", "case2:paper:10:thrust"]
+HELD = (
+    "flat",
+    "flat, degree 3",
+    "flat, degree 4",
+    "flat, degree 5",
+    "body acceleration",
+    "flat, half pieces",
+    "thrust",
 )
+SETTINGS = ";".join(
+    [f"case2:paper:0:5:{name}" for name in HELD]
+    + [f"case2:paper:0:10:{name}" for name in ("flat", "thrust")]
+    + ["case2:paper:0.02:5:flat", "case2:default:0.2:5:flat", "case2:default:0.2:5:thrust", "case2:default:0.2:10:flat"]
+)
+"""Closed loops; ``preset`` chooses the tracker, ``pull`` the planner's range pull."""
+
 STUDIES = {"gap": gap, "starts": starts, "reach": reach, "loop": loop}
 
 
@@ -318,7 +326,9 @@ def main() -> None:
     parser.add_argument("--problems", type=int, default=60)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--seconds", type=float, default=30.0)
-    parser.add_argument("--settings", default=SETTINGS, help="closed loops, case:preset:p:held, parted by semicolons")
+    parser.add_argument(
+        "--settings", default=SETTINGS, help="closed loops, case:preset:pull:p:held, parted by semicolons"
+    )
     parser.add_argument("--out", type=Path, default=Path("shooting"))
     arguments = parser.parse_args()
     for name in arguments.study.split(","):

@@ -48,7 +48,8 @@ def main() -> None:
             found = [
                 float(run["share"])
                 for run in runs
-                if (run["case"], run["preset"], run["p"], run["held"]) == ("case2", "paper", str(pieces), name)
+                if (run["case"], run["preset"], run["pull"], run["p"], run["held"])
+                == ("case2", "paper", "0", str(pieces), name)
             ]
             colour, _, marker = LOOKS[name]
             spread = place + np.linspace(-0.2, 0.2, len(found))

@@ -70,7 +70,7 @@ def report(folder: Path, drawn: Sequence[str] = ()) -> str:
         f"configuration recorded in {plan['runs']} closed-loop runs, and random ones beside them. Cold starts begin "
         "with coasting, warm ones with the rest of the plan of the step before. Times are processor time of the "
         "thread. Objectives leave out every penalty, and violations are those of the true limits, in units of the "
-        "limit (negative: inside). Intervals are 95 % bootstrap intervals in which whole runs are drawn. Not "  # noqa: E501
+        "limit (negative: inside). Intervals are 95 % bootstrap intervals in which whole runs are drawn. Not "
         "rounded, and solve by solve, the tables are in `tables/`.",
         "",
         "## Verdict",

@@ -20,7 +20,7 @@ Row = dict[str, Any]
 
 WIDTHS = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 WEIGHTS = (10.0, 100.0, 1000.0, 10000.0)
-GAMMAS = (0.9, 0.95, 0.98, 0.99, 0.999)
+GAMMAS = (0.9, 0.95, 0.98, 0.99, 1.0)
 NODES = (1, 2, 4, 8, 20)
 """Values of the sweeps; each is varied alone, the other settings being the configuration's. ϖ in units of the limit."""
 
