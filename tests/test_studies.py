@@ -161,26 +161,6 @@ def test_a_report_is_written_and_replaced(tmp_path):
         report.write(tmp_path / "mine")
 
 
-def test_shipped_parameters_are_points_of_the_grids():
-    shipped = tuning.shipped()
-    wanted = {
-        (method.name, case)
-        for dimension, cases in ((2, PLANE), (3, SPACE))
-        for method in methods(dimension)
-        if method.grids
-        for case in cases
-    }
-    assert {pair for pair, point in shipped.items() if point} == wanted
-    for dimension, cases in ((2, PLANE), (3, SPACE)):
-        for method in methods(dimension):
-            for case in cases:
-                grid = {key: values for one in method.grids for key, values in one.items()}
-                point = shipped[method.name, case]
-                assert set(point) == set(grid)
-                assert all(value in grid[key] for key, value in point.items())
-                tuning.method_variant(method, case, point)
-
-
 def test_shipped_file_is_what_the_search_writes():
     assert tuning.as_yaml(tuning.shipped()) == (tuning.files("gbt_ocp.experiments.studies") / tuning.SHIPPED).read_text(
         encoding="utf-8"
