@@ -84,7 +84,7 @@ def compare(
     runs
         Runs that problems are recorded in, and seeds in closed loop (slow pairs get fewer).
     problems
-        Recorded problems of each configuration, at least; about a seventh as many are drawn at random beside them.
+        Recorded problems of each configuration, at least; a quarter as many are drawn at random beside them.
     overrides
         ``key.path=value`` strings for all configurations that are not loaded yet.
     out

@@ -19,7 +19,7 @@ FORMAT = 1
 CHUNK = 50
 """Problems a task: small enough to lose little in an interruption, large enough to build a solver for."""
 
-RANDOM_SHARE = 0.15
+RANDOM_SHARE = 0.25
 """Random problems beside each recorded one."""
 
 

@@ -20,14 +20,14 @@ Row = dict[str, Any]
 
 WIDTHS = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 WEIGHTS = (10.0, 100.0, 1000.0, 10000.0)
-GAMMAS = (0.9, 0.95, 0.98, 1.0)
-NODES = (1, 2, 4, 8)
+GAMMAS = (0.9, 0.95, 0.98, 0.99, 0.999)
+NODES = (1, 2, 4, 8, 20)
 """Values of the sweeps; each is varied alone, the other settings being the configuration's. ϖ in units of the limit."""
 
 FORMS = {"penalty": "printed", "elastic": "elastic"}
 """Formulations that are swept over ϖ, w_p and units with IPOPT, and how IPOPT is told the penalty in each."""
 
-PROBLEMS = 6
+PROBLEMS = 10
 """Problems of a configuration on which IPOPT is swept, half recorded and half random; the compiled solver takes all."""
 
 
@@ -68,8 +68,7 @@ def sweeps(configuration: Configuration, pairs: list[Pair]) -> Iterator[Sweep]:
         pair = next((one for one in (Pair(formulation, COMPILED), Pair(formulation, IPOPT)) if one in pairs), None)
         if pair is not None:
             yield Sweep("gamma", pair, tuple((f"{g:g}", (("gamma", g),)) for g in GAMMAS))
-            if formulation != "exchange":  # which chooses its nodes itself
-                yield Sweep("nodes", pair, tuple((f"{n}", (("nodes", n),)) for n in NODES))
+            yield Sweep("nodes", pair, tuple((f"{n}", (("nodes", n),)) for n in NODES))
 
 
 def solve_sweep(configuration: Configuration, problems: Problems, sweep: Sweep) -> list[Row]:

@@ -126,7 +126,7 @@ FORMULATIONS: dict[str, Formulation] = {
             IPOPT: _planner(lambda problem: IpoptSolver(problem, {})),
             COMPILED: _planner(lambda problem: CompiledSolver(problem, {})),
         },
-        shares={IPOPT: 0.1},
+        shares={IPOPT: 0.2},
     ),
     "hard": Formulation(
         "hard limits at n_c + 1 nodes a piece",
@@ -135,26 +135,26 @@ FORMULATIONS: dict[str, Formulation] = {
             IPOPT: _planner(lambda problem: IpoptSolver(problem, {})),
             COMPILED: _planner(lambda problem: CompiledSolver(problem, {})),
         },
-        shares={IPOPT: 0.1},
+        shares={IPOPT: 0.2},
     ),
     "exchange": Formulation(
         "hard limits, with nodes added until the fine grid shows no violation (compiled: n_c doubled)",
         False,
         {IPOPT: _planner(ExchangeIpoptSolver), COMPILED: _planner(DoublingCompiledSolver)},
-        shares={IPOPT: 0.1},
+        shares={IPOPT: 0.2},
     ),
     "soft": Formulation(
         "limits at the nodes with exact l1 slacks",
         False,
         {IPOPT: _planner(SoftIpoptSolver), COMPILED: _planner(SoftCompiledSolver)},
-        shares={IPOPT: 0.1},
+        shares={IPOPT: 0.2},
     ),
     "shooting": Formulation(
         "multiple shooting with body thrust held over each period (another trajectory class, a yardstick)",
         False,
         {IPOPT: ShootingPlanner},
         {COMPILED: "the kernel's recursion is that of flat pieces, not of an integrator"},
-        shares={IPOPT: 0.2},
+        shares={IPOPT: 0.3},
     ),
 }
 """All treatments by name, the paper's own first."""

@@ -59,19 +59,16 @@ def _winners(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
                 kept.append(pair)
     if not sure:
         return ["No pair solved every problem (table open_loop)."]
-    lines = [
-        f"Every problem of every set was solved by: {'; '.join(pair.name for pair in sure)}; not by: "
-        f"{'; '.join(pair.name for pair in pairs if pair not in sure) or 'nobody'} (table open_loop)."
-    ]
+    names = "; ".join(pair.name for pair in sure)
+    lines = [f"Every problem of every set was solved by: {names} (table open_loop)."]
     if not kept:
         return [*lines, "None of them kept the true limits between the nodes in all of them (table open_loop)."]
     flat = [pair for pair in kept if pair.formulation != "shooting"] or kept
     speed = {pair: max(column(_rows(table, pair), "time_99_ms")) for pair in kept}
     loss = {pair: max(column(_rows(table, pair), "gap_mean")) for pair in flat}
     fastest, closest = min(speed, key=lambda pair: speed[pair]), min(loss, key=lambda pair: loss[pair])
-    others = "; ".join(pair.name for pair in sure if pair not in kept)
     lines.append(
-        f"Of those, {f'all but {others}' if others else 'all'} also kept the true limits on the fine grid in every "
+        f"Of those, {'; '.join(pair.name for pair in kept)} also kept the true limits on the fine grid in every "
         f"problem. The fastest of these is {fastest.name}, with 99 % of the solves of every set below "
         f"{_short(speed[fastest])} ms; the flat one nearest to the best known objective is {closest.name}, whose mean "
         f"gap is at most {_short(loss[closest])} in every set (table open_loop)."
@@ -150,48 +147,32 @@ def _nodes(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
 
 
 def _closed_loops(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
-    table = tables["closed_loop"]
-    if not table:
-        return []
     lines = []
-    for case in dict.fromkeys(row["case"] for row in table):
-        rows = [row for row in table if row["case"] == case and math.isfinite(_number(row["error_settled"]))]
-        if rows:
-            least, most = (pick(rows, key=lambda row: row["error_settled"]) for pick in (min, max))
-            lines.append(
-                f"In closed loop, {case}: settled errors from {_short(least['error_settled'])} m "
-                f"({least['formulation']}, {least['solver']}, {least['runs']} seeds) to "
-                f"{_short(most['error_settled'])} m ({most['formulation']}, {most['solver']}, {most['runs']} seeds) "
-                f"(table closed_loop)."
-            )
-    needed, broken = [], []
     for pair in pairs:
-        rows = _rows(table, pair)
-        count = sum(row[f"fallbacks_{word}"] for row in rows for word in ("shifted", "cold", "braking", "other"))
-        worst = max(column(rows, "violation_max"), default=0.0)
-        if count:
-            needed.append(f"{pair.name} ({count} of {sum(row['steps'] for row in rows)} steps)")
-        if worst > ROUND_OFF:
-            broken.append(f"{pair.name} (by {100.0 * worst:.2g} %)")
-    lines.append(
-        f"In closed loop, a failed solve had to be answered by a fallback under: {'; '.join(needed) or 'no pair'}; "
-        f"thrust was executed above its limit under: {'; '.join(broken) or 'no pair'} (table closed_loop)."
-    )
-    rows = [row for row in tables["closed_loop_paired"] if math.isfinite(_number(row["error_more"]))]
-    several = [row for row in rows if row["runs"] > 1]
-    if several:
-        apart = [row for row in several if row["error_more_low"] > 0.0 or row["error_more_high"] < 0.0]
-        names = "; ".join(f"{row['pair']} in {row['case']} by {row['error_more']:+.2g} m" for row in apart)
+        rows = _rows(tables["closed_loop"], pair)
+        if rows:
+            broken = max(column(rows, "violation_max"))
+            counts = {
+                word: sum(row[f"fallbacks_{word}"] for row in rows) for word in ("shifted", "cold", "braking", "other")
+            }
+            used = ", ".join(f"{count} {word}" for word, count in counts.items() if count) or "none"
+            errors = "; ".join(f"{row['case']} {_short(row['error_settled'])}" for row in rows)
+            lines.append(
+                f"In closed loop, {pair.name} ({_span(column(rows, 'runs'), lambda runs: f'{runs:g}')} seeds a case): "
+                f"settled error in m {errors}; executed thrust above its limit by "
+                f"{'nothing' if broken <= ROUND_OFF else _share(broken)}; fallbacks {used} in "
+                f"{sum(row['steps'] for row in rows)} steps (table closed_loop)."
+            )
+    rows = tables["closed_loop_paired"]
+    if rows:
+        apart = [row for row in rows if row["error_more_low"] > 0.0 or row["error_more_high"] < 0.0]
+        largest = max(rows, key=lambda row: abs(row["error_more"]))
         lines.append(
-            f"Settled errors on the same seeds, against {rows[0]['against']}: of {len(several)} differences with more "
-            f"than one seed {len(apart)} have a 95 % interval without zero{': ' if names else ''}{names} (table "
-            f"closed_loop_paired)."
+            f"Settled errors on the same seeds, against {rows[0]['against']}: {len(apart)} of {len(rows)} differences "
+            f"have a 95 % interval without zero; the largest is {largest['error_more']:+.2g} m ({largest['pair']}, "
+            f"{largest['case']}) (table closed_loop_paired)."
         )
     return lines
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value
 
 
 def _stiffness(tables: Tables) -> list[str]:
