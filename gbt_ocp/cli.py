@@ -199,7 +199,7 @@ def _run(arguments: argparse.Namespace) -> int:
         ) from fault
     _print_summary(result.summary)
     print(f"\n{out}")
-    kept = result.summary.get("placed", False) or _limits_kept(result.summary["violation_max"])
+    kept = _limits_kept(result.summary["violation_max"])
     if not drawn:
         return PROGRAM_FAULT
     return DONE if kept else LIMIT_BROKEN

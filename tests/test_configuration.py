@@ -408,16 +408,6 @@ def test_constant_force_is_500_newton_on_each_axis_and_no_moment(tmp_path):
         load_config({"problem": str(tmp_path / "mine.py"), "guidance": {"kind": "constant_force"}})
 
 
-def test_another_estimator_keeps_what_all_have_and_brings_its_own_keys():
-    prior = "{position: [1, 2], std: 3}"
-    written = ["tracker.kernel=rq", "tracker.window=30", f"tracker.prior={prior}", "tracker.forecast=7"]
-    found = load_config("case2", [*written, "tracker.kind=plkf", "tracker.process_noise=2"]).tracker
-    assert (found.kind, found.window, found.forecast, found.process_noise) == ("plkf", 30, 7, 2.0)
-    assert found.prior.position == (1.0, 2.0)
-    assert not hasattr(found, "kernel")
-    assert load_config("case5", ["tracker.kind=pr"]).tracker.window == 12
-
-
 def test_another_kind_or_alternative_replaces_the_weaker_layers_keys(tmp_path):
     file = tmp_path / "c.yaml"
     file.write_text(
@@ -480,9 +470,6 @@ RESOLVED = [
     ("case2", ["tracker.prior={position: [1, 2], std: 3}", "tracker.amplitude=2", "tracker.length_scale=1e-1"]),
     ("case2", ["tracker.prior={position: [1, 2], covariance: [[4, 1], [1, 4]]}", "name='1e5'"]),
     ("case3", ["target.turn_rate_step=0.05", "desired_bearing.period_s=20", "guidance.kind=random"]),
-    ("case1", ["tracker.kind=oe_cv", "tracker.velocity_gain=2", "guidance.kind=circumnavigation"]),
-    ("case5", ["tracker.kind=imm_kf_f", "tracker.position_std_m=0.01", "guidance.kind=helical"]),
-    ("case2", ["tracker.kind=pr", "tracker.order=5", "guidance.kind=fim_placement", "desired_bearing.m=15"]),
     ("case4", ["guidance.kind=constant_force", "desired_bearing.axis=[0, 1, 0]", "vehicle.start.position_m=[1,2,3]"]),
     ("case1", [f"vehicle.parameters={json.dumps(PARAMETERS)}", "planner.solver_options={ipopt.tol: 1e-7, a: [x, 1]}"]),
 ]  # fmt: skip

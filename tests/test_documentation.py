@@ -100,7 +100,7 @@ def test_commands_parse(name):
         # Words in capitals stand for what a reader puts in.
         overrides = [text for text in arguments.set if not re.search(r"\b[A-Z]{3,}\b", text)]
         for config in arguments.config if isinstance(arguments.config, list) else [arguments.config]:
-            load_config({} if config in ("mine.yaml", None) else config, overrides=overrides)
+            load_config({} if config == "mine.yaml" else config, overrides=overrides)
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)

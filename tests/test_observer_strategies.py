@@ -1,12 +1,9 @@
 """Observer strategies that look at the estimate: against their laws, geometry and the vehicle's limits."""
 
-import json
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gbt_ocp import cli
 from gbt_ocp.bearings import DesiredBearing
 from gbt_ocp.experiments.build import build_loop
 from gbt_ocp.experiments.loading import load_config
@@ -235,13 +232,3 @@ def test_positions_are_measured_with_the_noise_that_is_said_and_missed_with_the_
     noise = np.array([p for _, p in tracker.taken]) - found["target"][found["detected"]]
     assert noise.std() == pytest.approx(0.2, rel=0.1)
     assert abs(noise.mean()) < 0.03
-
-
-def test_the_run_of_a_placed_vehicle_says_so_and_succeeds(tmp_path, capsys):
-    overrides = ["tracker.kind=pr", "guidance.kind=fim_placement", "duration_s=3"]
-    assert cli.main(["run", "case2", "--set", *overrides, "--out", str(tmp_path / "run"), "--quiet"]) == 0
-    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
-    assert summary["placed"] is True
-    assert summary["violation_max"] is None
-    assert not (tmp_path / "run" / "figures" / "thrust.png").exists()
-    assert "broken" not in capsys.readouterr().err

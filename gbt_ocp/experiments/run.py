@@ -19,7 +19,6 @@ from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.experiments.faults import ConfigurationError
 from gbt_ocp.experiments.loading import load_config
 from gbt_ocp.experiments.result import History, Result, installed_versions, summarise
-from gbt_ocp.guidance.fim_placement import FimPlacement
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.ocp.planner import Planner
@@ -152,8 +151,6 @@ def run(
     planner = loop.guidance.planner if isinstance(loop.guidance, PlannedMotion) else None
     summary["solver"] = planner.solver.name if isinstance(planner, Planner) else None
     summary["warnings"] = stalling
-    # without dynamics there is no thrust that could break a limit
-    summary["placed"] = isinstance(loop.guidance, FimPlacement)
     # the limits of a problem's own vehicle stand nowhere in its configuration
     summary["thrust_max"] = loop.vehicle.thrust_max.tolist()
     return Result(configuration, history, summary)

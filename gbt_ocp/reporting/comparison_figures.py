@@ -171,7 +171,6 @@ def _success(tables: dict[str, list[Row]]) -> Figure | None:
                     linewidth=0.8,
                 )
         axes.set_title(f"{origin}, {mode}")
-        axes.set_xlim(right=102.0)
         axes.set_xlabel("solved [%]")
     panels[0].set_yticks(range(len(pairs)), [f"{name}, {solver}" for name, solver in pairs])
     panels[0].invert_yaxis()
@@ -231,7 +230,6 @@ def _sensitivity(tables: dict[str, list[Row]]) -> Figure | None:
     left.set_ylim(-3.0, 103.0)
     right.set_yscale("log")
     right.set_ylabel("iterations, mean")
-    style.plain_log_ticks(right)
     style.legend_above(figure, left, columns=3)
     return figure
 
@@ -260,9 +258,6 @@ def _nodes(tables: dict[str, list[Row]]) -> Figure | None:
         panels[1, place].axhline(0.0, color=style.BLACK, linewidth=0.8)
         panels[1, place].set_xlabel(label)
     panels[1, 1].set_xscale("log")
-    counts = sorted({float(row["value"]) for row in rows if row["swept"] == "nodes"})
-    panels[1, 1].set_xticks(counts, [f"{count:g}" for count in counts])
-    panels[1, 1].set_xticks([], minor=True)
     panels[0, 0].set_ylabel("mean objective,\nminus that of the last value")
     panels[1, 0].set_ylabel("worst |τ|/τ_max - 1\nbetween the nodes")
     handles = [

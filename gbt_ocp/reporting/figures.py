@@ -46,8 +46,7 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
     Returns
     -------
     Figures by name: ``trajectories``, ``error``, ``condition_number``, ``hyperparameters`` (if the tracker has any),
-    ``thrust`` (unless the vehicle is placed without any), and ``solver_time``, or ``tracker_time`` for a guidance
-    without a solver.
+    ``thrust``, and ``solver_time``, or ``tracker_time`` for a guidance without a solver.
 
     Raises
     ------
@@ -69,8 +68,7 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
         }
         if np.isfinite(history.length_scale).any() or np.isfinite(history.amplitude).any():
             figures["hyperparameters"] = _hyperparameters(history)
-        if np.isfinite(history.thrust).any():
-            figures["thrust"] = _thrust(history, thrust_max)
+        figures["thrust"] = _thrust(history, thrust_max)
         if history.planned.any():
             figures["solver_time"] = _times(history, period)
         elif np.isfinite(history.tracker_time).any():
