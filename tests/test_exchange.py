@@ -86,8 +86,14 @@ def test_added_nodes_lie_on_the_trajectory(problem):
 
 
 def test_running_out_of_nodes_is_a_failure(problem):
-    start, parameters = drawn(problem, 0)
-    found = ExchangeIpoptSolver(problem, nodes=0).solve(start, parameters, np.zeros((PIECES, 3)), cold=True)
+    # breaks its limits in several places, of which one node can mend one
+    start, parameters = drawn(problem, 1)
+    found = ExchangeIpoptSolver(problem, nodes=1).solve(start, parameters, np.zeros((PIECES, 3)), cold=True)
     assert excess(problem, start, found.variables) > 1e-4
     assert not found.solved
     assert found.status == BETWEEN_NODES
+
+
+def test_an_exchange_without_nodes_is_refused(problem):
+    with pytest.raises(ValueError, match="nodes: found 0"):
+        ExchangeIpoptSolver(problem, nodes=0)

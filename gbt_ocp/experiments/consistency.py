@@ -108,8 +108,8 @@ def _dimension(merged: Mapping[str, Any], problem: TrackingProblem) -> Iterator[
         yield Fault(("target", "kind"), shown(kind), f"{allowed} (the problem has {problem.dimension} dimensions)")
     law = value_at(merged, ("guidance", "kind"))
     if problem.dimension == 2 and law == "helical":
-        others = ", ".join(name for name in kinds(union_of("guidance")) if name != "helical")
-        yield Fault(("guidance", "kind"), shown(law), f"{others} (a helix needs 3 dimensions)")
+        planar = ", ".join(name for name in kinds(union_of("guidance")) if name != "helical")
+        yield Fault(("guidance", "kind"), shown(law), f"{planar} (a helix needs 3 dimensions)")
     axis = value_at(merged, ("desired_bearing", "axis"))
     if problem.dimension == 2 and axis is not NOTHING and axis is not None:
         yield Fault(

@@ -57,18 +57,20 @@ class ExchangeIpoptSolver:
     problem
         With hard limits only.
     nodes
-        Most nodes that may be added in one solve, by default three a piece.
+        Most nodes that may be added in one solve, at least one, by default three a piece.
 
     Raises
     ------
     ValueError
-        If the problem has a penalty, or no hard limit.
+        If the problem has a penalty, or no hard limit, or no node may be added.
     """
 
     name = "ipopt"
 
     def __init__(self, problem: TrajectoryProblem, nodes: int | None = None) -> None:
         only_hard(problem)
+        if nodes is not None and nodes < 1:
+            raise ValueError(f"nodes: found {nodes}; allowed: a whole number >= 1")
         self._problem = problem
         self._nodes = 3 * problem.pieces if nodes is None else nodes
         self._scale = input_scale(problem)
