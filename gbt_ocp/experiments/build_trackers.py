@@ -9,13 +9,16 @@ from numpy.typing import NDArray
 
 from gbt_ocp.experiments import tracker_sections as sections
 from gbt_ocp.experiments.configuration import Configuration
+from gbt_ocp.tracking.bearing_noise import BearingNoise
 from gbt_ocp.tracking.gp import GaussianProcessTracker
 from gbt_ocp.tracking.imm import ImmPositionTracker, ImmPseudoLinearTracker, InteractingMultipleModel
+from gbt_ocp.tracking.motion_gp import MotionShapeTracker
 from gbt_ocp.tracking.orthogonality import OrthogonalityTracker
 from gbt_ocp.tracking.plkf import PseudoLinearKalmanFilter
 from gbt_ocp.tracking.polynomial import PolynomialRegression
 from gbt_ocp.tracking.prior import PositionPrior
 from gbt_ocp.tracking.protocol import PositionTracker, Tracker
+from gbt_ocp.tracking.shape_processes import LogNormalPrior, ShapePrior
 
 Array = NDArray[np.float64]
 
@@ -27,6 +30,8 @@ def build_tracker(configuration: Configuration, start: Array) -> Tracker | Posit
     if isinstance(section, sections.BaselineTracker):
         prior = PositionPrior(start, section.initial_range_m, position, covariance)
         return _baseline(section, prior, configuration.sensor.period_s)
+    if isinstance(section, sections.MotionTracker):
+        return _motion(section, dimension, start, position, covariance)
     return GaussianProcessTracker(
         dimension,
         window=section.window,
@@ -38,6 +43,45 @@ def build_tracker(configuration: Configuration, start: Array) -> Tracker | Posit
         prior_position=position,
         prior_covariance=covariance,
         start=start,
+    )
+
+
+def _motion(
+    section: sections.MotionTracker, dimension: int, start: Array, position: Array | None, covariance: Array | None
+) -> MotionShapeTracker:
+    """The Gaussian process on the shape of the motion."""
+    prior = ShapePrior(
+        speed=LogNormalPrior(section.speed.median, section.speed.log_std),
+        range=LogNormalPrior(section.range.median_m, section.range.log_std),
+        kernel=section.turn_kernel,
+        turn_stds=section.turn_rate_std,
+        turn_times=section.turn_time_s,
+        speed_stds=section.speed_change_std,
+        speed_time=section.speed_time_s,
+    )
+    return MotionShapeTracker(
+        dimension,
+        noise=_noise(section.noise),
+        prior=prior,
+        bin_width=section.bin_s,
+        window=section.window_s,
+        update=section.update_s,
+        starts=section.starts_m,
+        hypotheses=section.hypotheses,
+        gate=math.inf if section.gate is None else section.gate,
+        known_position=position,
+        known_covariance=covariance,
+        start=start,
+    )
+
+
+def _noise(section: sections.Noise) -> BearingNoise:
+    return BearingNoise(
+        math.radians(section.std_deg),
+        math.radians(section.correlated_deg),
+        section.correlation_s,
+        section.own_std_m,
+        section.estimated,
     )
 
 

@@ -46,6 +46,7 @@ def _covariance(value: tuple[tuple[float, ...], ...], info: ValidationInfo) -> t
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
+PositiveNumbers = Annotated[tuple[Positive, ...], BeforeValidator(as_tuples), Field(min_length=1)]
 Numbers = Annotated[tuple[float, ...], BeforeValidator(as_tuples)]
 PositionNumbers = Annotated[Numbers, sized("d")]
 InputNumbers = Annotated[Numbers, sized("n")]

@@ -11,10 +11,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from gbt_ocp.experiments.keys import Covariance, PositionNumbers, Positive, Section, key
+from gbt_ocp.experiments.keys import Covariance, PositionNumbers, Positive, PositiveNumbers, Section, key
 
 TRACKERS = {
     "gp": "Gaussian process on a window of pseudo-linear bearings (paper, section 3)",
+    "motion_gp": "Gaussian process on turn rate and log speed, for noisy bearings and unknown range",
     "oe_s": "orthogonality-based estimator of a static target",
     "oe_cv": "orthogonality-based estimator of a target with constant velocity",
     "plkf": "pseudo-linear Kalman filter",
@@ -72,6 +73,76 @@ class GaussianProcessTracker(TrackerSection):
         "tuned, or a number > 0",
     )
     bound_delta: float = key(0.05, "δ, probability that the error bound fails.", "a number in (0, 1]", gt=0.0, le=1.0)
+
+
+class Noise(Section):
+    """What is known of the noise of the bearings."""
+
+    std_deg: float = key(1.5, "White noise of a bearing in degrees.", "a number > 0", gt=0.0)
+    estimated: bool = key(
+        False,
+        "Whether the white noise is estimated from the scatter in the bins, std_deg being expected.",
+        "true, false",
+    )
+    correlated_deg: float = key(
+        0.0,
+        "Standard deviation in degrees of an error that lasts, whatever the number of bearings.",
+        "a number >= 0",
+        ge=0.0,
+    )
+    correlation_s: float = key(5.0, "Time in s in which that error changes.", "a number > 0", gt=0.0)
+    own_std_m: float = key(0.0, "Standard deviation of the own position in m.", "a number >= 0", ge=0.0)
+
+
+class SpeedPrior(Section):
+    """What is known of the target's speed."""
+
+    median: float = key(1.0, "Median speed of the target in m/s.", "a number > 0", gt=0.0)
+    log_std: float = key(1.0, "Standard deviation of the logarithm of its speed.", "a number > 0", gt=0.0)
+
+
+class RangePrior(Section):
+    """What is known of the target's range."""
+
+    median_m: float = key(50.0, "Median range in m.", "a number > 0", gt=0.0)
+    log_std: float = key(1.0, "Standard deviation of the logarithm of the range.", "a number > 0", gt=0.0)
+
+
+class MotionTracker(TrackerSection):
+    """Gaussian process on the shape of the motion."""
+
+    kind: Literal["motion_gp"] = Field(description="Gaussian process on turn rate and log speed.")
+    noise: Noise = Field(default_factory=Noise, description="Noise of the bearings.")
+    bin_s: float = key(1.5, "Width of the bins in s over which bearings are averaged.", "a number > 0", gt=0.0)
+    window_s: float = key(60.0, "Age of the oldest bin in s.", "a number of at least 4 bins", gt=0.0)
+    update_s: float = key(
+        1.0, "Least time between two estimates in s; in between, the last one is predicted.", "a number >= 0", ge=0.0
+    )
+    speed: SpeedPrior = Field(default_factory=SpeedPrior, description="Prior of the target's speed.")
+    range: RangePrior = Field(default_factory=RangePrior, description="Prior of the target's range.")
+    starts_m: PositiveNumbers | None = key(
+        None,
+        "Ranges in m at which a track is begun; null is four about the prior's median.",
+        "null, or a list of numbers > 0",
+    )
+    hypotheses: int = key(3, "Largest number of distinct motions kept.", "a whole number >= 1", ge=1)
+    gate: float | None = key(
+        4.0,
+        "Standardised residual from which a bearing is suspected; null trusts all.",
+        "null, or a number > 0",
+        gt=0.0,
+    )
+    turn_kernel: Literal["matern32", "ou"] = key("matern32", "Kernel of the turn rate.", "matern32, ou")
+    turn_rate_std: PositiveNumbers = key(
+        (0.01, 0.03, 0.09), "Standard deviations of the turn rate in rad/s, averaged over.", "a list of numbers > 0"
+    )
+    turn_time_s: PositiveNumbers = key(
+        (8.0, 25.0), "Time scales of the turn rate in s, averaged over.", "a list of numbers > 0"
+    )
+    speed_change_std: PositiveNumbers = key(
+        (0.03, 0.1, 0.3), "Standard deviations of the change of log speed, averaged over.", "a list of numbers > 0"
+    )
+    speed_time_s: float = key(30.0, "Time scale of the change of log speed in s.", "a number > 0", gt=0.0)
 
 
 class BaselineTracker(TrackerSection):
@@ -157,6 +228,7 @@ class PolynomialTracker(BaselineTracker):
 
 AnyTracker = Annotated[
     GaussianProcessTracker
+    | MotionTracker
     | OrthogonalityStaticTracker
     | OrthogonalityVelocityTracker
     | PseudoLinearKalmanTracker

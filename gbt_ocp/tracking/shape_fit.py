@@ -1,0 +1,264 @@
+"""Laplace's approximation of motions given binned bearings: damped Gauss-Newton steps, many motions at once.
+
+In the whitened coordinates the negative log posterior is ``½ (‖R^-½ r(z)‖² + ‖z‖²)`` with r the angles from the
+predicted to the measured bearings. Linearising at the predicted bearing leaves none of the bias of pseudo-linear
+measurements, in which the measured bearing stands on both sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gbt_ocp.bearings import tangent_basis
+from gbt_ocp.tracking.motion_shape import FLAT_ANGLE, Motions, MotionShape
+
+Array = NDArray[np.float64]
+
+LIMITS = {"range": 1.0, "direction": 0.4, "speed": 1.0, "heading": 0.8}
+"""Largest step: of log range and log speed, and of angles in radians."""
+
+SETTLED = 0.1
+"""Decrease of the objective promised by a step, below which the motion has settled: a third of a deviation."""
+
+NEAREST = 1.0e-2
+"""Range in metres below which a bearing's slope grows no further."""
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """N mean bearings as one estimate sees them, relative to now and to the own position now.
+
+    Attributes
+    ----------
+    times
+        ``(N,)`` in seconds, at most 0.
+    bearings, own_positions
+        ``(N, d)``, unit vectors and metres.
+    root
+        R^-½, its diagonal ``(..., N)`` where R is diagonal, else ``(..., N, N)``; leading axis one or B.
+    log_determinant
+        log det R, ``(...)``, of one direction of the tangent plane.
+    known
+        A position that is known beforehand: time in s, position ``(d,)`` in m, and root of its precision ``(d, d)``.
+    """
+
+    times: Array
+    bearings: Array
+    own_positions: Array
+    root: Array
+    log_determinant: Array
+    known: tuple[float, Array, Array] | None = None
+
+    def whitened(self, rows: Array) -> Array:
+        """R^-½ times rows ``(B, N, ...)``."""
+        if self.root.ndim == 2:
+            return np.asarray(self.root.reshape(*self.root.shape, *(1,) * (rows.ndim - 2)) * rows)
+        flat = rows.reshape(*rows.shape[:2], -1)
+        return np.asarray((self.root @ flat).reshape(rows.shape))
+
+
+def sightings_root(covariance: Array, diagonal: bool) -> tuple[Array, Array]:
+    """R^-½ and log det R of matrices ``(..., N, N)``, for :class:`Sightings`."""
+    if diagonal:
+        variances = np.diagonal(covariance, axis1=-2, axis2=-1)
+        return 1.0 / np.sqrt(variances), np.sum(np.log(variances), axis=-1)
+    factor = np.linalg.cholesky(covariance)
+    identity = np.broadcast_to(np.eye(covariance.shape[-1]), covariance.shape)
+    return np.linalg.solve(factor, identity), 2.0 * np.sum(np.log(np.diagonal(factor, axis1=-2, axis2=-1)), axis=-1)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Gaussians of B motions, in steps of the whitened coordinates about their modes.
+
+    Attributes
+    ----------
+    motions
+        The modes.
+    covariance
+        ``(B, n, n)``.
+    log_evidence
+        Laplace's approximation of the logarithm of the bearings' density ``(B,)``, in angles: radians to the power of
+        minus the number of rows.
+    residuals
+        R^-½ r at the mode, ``(B, N, d-1)``: independent and of variance one, less what the fit has taken.
+    angles
+        r itself ``(B, N, d-1)`` in radians.
+    ranges
+        Predicted ranges of the bins ``(B, N)`` in metres.
+    iterations
+        Steps that were taken.
+    """
+
+    motions: Motions
+    covariance: Array
+    log_evidence: Array
+    residuals: Array
+    angles: Array
+    ranges: Array
+    iterations: int
+
+    def __getitem__(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> Fit:
+        return Fit(
+            self.motions[which],
+            self.covariance[which],
+            self.log_evidence[which],
+            self.residuals[which],
+            self.angles[which],
+            self.ranges[which],
+            self.iterations,
+        )
+
+    @staticmethod
+    def joined(parts: Sequence[Fit]) -> Fit:
+        """All components of the parts, which saw the same bearings, in order."""
+        return Fit(
+            Motions.joined([part.motions for part in parts]),
+            np.concatenate([part.covariance for part in parts]),
+            np.concatenate([part.log_evidence for part in parts]),
+            np.concatenate([part.residuals for part in parts]),
+            np.concatenate([part.angles for part in parts]),
+            np.concatenate([part.ranges for part in parts]),
+            max(part.iterations for part in parts),
+        )
+
+
+@dataclass(frozen=True)
+class _Linearisation:
+    """Residuals and slopes of B motions, whitened."""
+
+    rows: Array
+    slopes: Array
+    angles: Array
+    ranges: Array
+    objective: Array
+
+
+def _linearised(shape: MotionShape, motions: Motions, seen: Sightings) -> _Linearisation:
+    d = shape.dimension
+    nodes = shape.past(motions)
+    count, between = len(motions), nodes.positions.shape[1]
+    at = shape.at(seen.times)
+    line = at @ nodes.positions - seen.own_positions
+    ranges = np.maximum(np.linalg.norm(line, axis=-1), NEAREST)
+    unit = line / ranges[..., None]
+    basis = tangent_basis(unit)
+    tangent = np.einsum("bnij,ni->bnj", basis, seen.bearings)
+    cosine = np.einsum("bni,ni->bn", unit, seen.bearings)
+    if d == 2:
+        angles = np.arctan2(tangent, cosine[..., None])
+    else:
+        sine = np.linalg.norm(tangent, axis=-1)
+        angles = tangent * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-12))[..., None]
+    # one product of matrices: gathering the slopes costs more than multiplying them
+    slopes = (at @ nodes.slopes.reshape(count, between, -1)).reshape(count, len(at), d, -1)
+    slopes = np.einsum("bndi,bndk->bnik", basis / ranges[..., None, None], slopes)
+    rows = seen.whitened(angles).reshape(count, -1)
+    whitened = seen.whitened(slopes).reshape(count, rows.shape[1], -1)
+    if seen.known is not None:
+        time, position, root = seen.known
+        there = shape.at(np.array([time]))[0]
+        rows = np.concatenate([rows, (position - there @ nodes.positions) @ root.T], axis=1)
+        known = np.einsum("g,bgik->bik", there, nodes.slopes)
+        whitened = np.concatenate([whitened, root @ known], axis=1)
+    objective = np.sum(rows**2, axis=1) + np.sum(motions.white**2, axis=1)
+    return _Linearisation(rows, whitened, angles, ranges, objective)
+
+
+def fit(shape: MotionShape, motions: Motions, seen: Sightings, iterations: int) -> Fit:
+    """The modes near the given motions, with the Gaussians about them.
+
+    A step that raises the objective is taken back to a quarter. It ends early when all motions have settled.
+
+    Parameters
+    ----------
+    shape
+        The prior.
+    motions
+        Where to start.
+    seen
+        The bearings.
+    iterations
+        Largest number of steps.
+    """
+    best = _linearised(shape, motions, seen)
+    precision = _precision(best.slopes)
+    step, decrement = _newton(shape, best, motions, precision)
+    taken = 0
+    while taken < iterations and np.max(decrement) > SETTLED:
+        taken += 1
+        candidate = shape.moved(motions, step)
+        tried = _linearised(shape, candidate, seen)
+        better = tried.objective <= best.objective + 1e-9
+        if np.all(better):
+            motions, best = candidate, tried
+        else:
+            motions, best = _chosen(better, candidate, motions), _either(better, tried, best)
+        precision = _precision(best.slopes)
+        fresh, decrement = _newton(shape, best, motions, precision)
+        step = np.where(better[:, None], fresh, 0.25 * step)
+    # what is left is too small to bend anything: the last step is taken without looking again
+    last = decrement <= SETTLED
+    motions = shape.moved(motions, np.where(last[:, None], step, 0.0))
+    objective = best.objective - np.where(last, decrement, 0.0)
+    factor = np.linalg.cholesky(precision)
+    log_determinant = 2.0 * np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
+    directions = shape.dimension - 1
+    rows = directions * len(seen.times)
+    log_evidence = -0.5 * (objective + log_determinant + directions * seen.log_determinant + rows * np.log(2.0 * np.pi))
+    residuals = best.rows[:, :rows].reshape(len(motions), len(seen.times), directions)
+    covariance = np.asarray(np.linalg.inv(precision), dtype=float)
+    return Fit(motions, covariance, log_evidence, residuals, best.angles, best.ranges, taken)
+
+
+def _newton(shape: MotionShape, at: _Linearisation, motions: Motions, precision: Array) -> tuple[Array, Array]:
+    """Shortened steps ``(B, n)`` and the decrease of the objective that full ones promise ``(B,)``."""
+    gradient = np.einsum("brn,br->bn", at.slopes, at.rows) - motions.white
+    full = np.linalg.solve(precision, gradient[..., None])[..., 0]
+    return np.asarray(full * _shortening(shape, full)[:, None]), np.asarray(np.sum(full * gradient, axis=1))
+
+
+def _either(which: NDArray[np.bool_], new: _Linearisation, old: _Linearisation) -> _Linearisation:
+    def chosen(a: Array, b: Array) -> Array:
+        return np.asarray(np.where(which.reshape(-1, *(1,) * (a.ndim - 1)), a, b))
+
+    return _Linearisation(
+        chosen(new.rows, old.rows),
+        chosen(new.slopes, old.slopes),
+        chosen(new.angles, old.angles),
+        chosen(new.ranges, old.ranges),
+        chosen(new.objective, old.objective),
+    )
+
+
+def _precision(slopes: Array) -> Array:
+    precision = np.asarray(np.swapaxes(slopes, 1, 2) @ slopes)
+    diagonal = np.arange(slopes.shape[2])
+    precision[:, diagonal, diagonal] += 1.0
+    return precision
+
+
+def _shortening(shape: MotionShape, step: Array) -> Array:
+    """Factor in (0, 1] that keeps each step ``(B, n)`` within :data:`LIMITS`."""
+    d, p, size = shape.dimension, shape.prior, np.abs(step)
+    ratios = [
+        size[:, 0] * p.range.log_std / LIMITS["range"],
+        FLAT_ANGLE * np.max(size[:, 1:d], axis=1) / LIMITS["direction"],
+        size[:, shape.speed_at] * p.speed.log_std / LIMITS["speed"],
+        FLAT_ANGLE * size[:, shape.heading_at] / LIMITS["heading"],
+    ]
+    return np.asarray(1.0 / np.maximum(1.0, np.max(ratios, axis=0)))
+
+
+def _chosen(which: NDArray[np.bool_], new: Motions, old: Motions) -> Motions:
+    column = which[:, None]
+    return Motions(
+        old.theta,
+        np.where(column, new.direction, old.direction),
+        np.where(which, new.heading, old.heading),
+        np.where(column, new.white, old.white),
+    )
