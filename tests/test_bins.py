@@ -44,25 +44,45 @@ def test_old_bins_are_dropped_and_time_must_increase():
     times = np.arange(0.0, 100.0, 0.1)
     bins = filled(times, np.tile([1.0, 0.0], (1000, 1)), np.zeros((1000, 2)), width=1.0, window=20.0)
     means = bins.means()
-    assert means.times[0] >= times[-1] - 20.0
+    assert means.times[0] >= times[-1] - 21.0
     assert len(means) in (20, 21)
     with pytest.raises(ValueError, match="time must increase"):
         bins.append(99.0, [1.0, 0.0], [0.0, 0.0])
     assert len(bins.means()) == len(means)
 
 
-def test_a_minority_of_suspects_is_left_out_and_a_majority_is_not():
+def test_of_few_bearings_a_minority_of_suspects_is_left_out_and_a_majority_is_not():
     straight, stray = [1.0, 0.0], [0.0, 1.0]
     bins = BearingBins(1.0, 10.0)
-    for k in range(5):
-        bins.append(0.1 * k, stray if k == 2 else straight, [0.0, 0.0], suspect=k == 2)
+    for k, bearing in enumerate([straight, stray, straight]):
+        bins.append(0.1 * k, bearing, [0.0, 0.0], suspect=k == 1)
     assert bins.means().bearings[0] == pytest.approx(straight)
-    assert bins.means().counts[0] == 4
-    assert bins.samples == 5
-    for k in range(5, 9):
-        bins.append(0.1 * k, stray, [0.0, 0.0], suspect=True)
-    assert bins.means().counts[0] == 9
-    assert bins.means().bearings[0] == pytest.approx(np.array([4.0, 5.0]) / np.sqrt(41.0))
+    assert bins.means().counts[0] == 2
+    assert (bins.samples, bins.strays) == (3, 1)
+    for k, suspect in enumerate([True, True, False]):
+        bins.append(1.0 + 0.1 * k, stray, [0.0, 0.0], suspect=suspect)
+    assert bins.means().counts[1] == 3
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_of_many_bearings_those_far_from_their_median_are_left_out_wherever_it_lies(dimension):
+    """A fifth is turned by 20 degrees; the own motion alone turns the bearing by twice that within a bin."""
+    times = 0.1 * np.arange(60)
+    own = np.stack([0.0 * times, 3.0 * times, 0.0 * times], axis=-1)[:, :dimension]
+    target = np.array([8.0, 9.0, 2.0])[:dimension]
+    true = unit_bearing(target, own)
+    rng = np.random.default_rng(0)
+    turned = 0.01 * rng.standard_normal((60, dimension - 1))
+    turned[::5, 0] += np.deg2rad(20.0)
+    # what is expected is wrong by a tenth of a radian, as in a manoeuvre
+    expected = rotate_bearing(true, np.full((60, dimension - 1), 0.1))
+    bins = BearingBins(1.5, 10.0, stray=0.05)
+    for k, bearing in enumerate(rotate_bearing(true, turned)):
+        bins.append(times[k], bearing, own[k], expected=expected[k], suspect=True)
+    means = bins.means()
+    assert bins.strays == 12
+    assert np.sum(means.bearings * unit_bearing(target, means.own_positions), axis=1) == pytest.approx(1.0, abs=2e-3)
+    assert bins.scatter()[0] == pytest.approx(0.01**2, rel=0.4)
 
 
 def test_opposite_bearings_in_a_bin_leave_the_first():

@@ -43,46 +43,54 @@ class BinnedBearings:
         return len(self.times)
 
 
-@dataclass
-class _Mean:
-    """Running sums of time, direction and own position."""
-
-    count: int = 0
-    sums: Array | float = 0.0
-
-    def add(self, sample: Array) -> None:
-        self.count += 1
-        self.sums = self.sums + sample
-
-    def row(self, origin: Array) -> Array:
-        return np.asarray(origin + self.sums / self.count)
+ENOUGH = 4
+"""Bearings in a bin from which their median tells the strays among them; fewer are judged by a gate's word."""
 
 
 @dataclass
 class _Bin:
-    """One bin: the samples that fit what was expected, those that do not, and the scatter about a straight line."""
+    """The samples of one bin: rows ``[t, λ, o]``, their offsets from what was expected, and a gate's word on each."""
 
     index: int
-    origin: Array
-    fitting: _Mean = field(default_factory=_Mean)
-    suspect: _Mean = field(default_factory=_Mean)
-    lags: list[float] = field(default_factory=list)
+    rows: list[Array] = field(default_factory=list)
     offsets: list[Array] = field(default_factory=list)
+    suspects: list[bool] = field(default_factory=list)
+    _kept: NDArray[np.bool_] | None = None
 
-    def row(self) -> tuple[Array, int]:
-        """Mean sample and its count; suspects count as soon as they are the majority."""
-        if self.suspect.count > self.fitting.count:
-            total = self.fitting.sums + self.suspect.sums
-            count = self.fitting.count + self.suspect.count
-            return np.asarray(self.origin + total / count), count
-        return self.fitting.row(self.origin), self.fitting.count
+    def add(self, row: Array, offset: Array, suspect: bool) -> None:
+        self.rows.append(row)
+        self.offsets.append(offset)
+        self.suspects.append(suspect)
+        self._kept = None
 
-    def scatter(self) -> tuple[float, int]:
-        """Squared residuals of the fitting bearings about a straight line in time, and their degrees of freedom."""
-        if len(self.lags) < 3:
+    def kept(self, stray: float) -> NDArray[np.bool_]:
+        """Which samples count: those near the median, or of few those that are not suspected by a majority."""
+        if self._kept is None:
+            if len(self.rows) >= ENOUGH:
+                offsets = np.array(self.offsets)
+                away = np.linalg.norm(offsets - np.median(offsets, axis=0), axis=1)
+                # halfway between two halves that disagree there is nobody
+                self._kept = away <= max(stray, float(np.median(away)))
+            else:
+                suspects = np.array(self.suspects)
+                self._kept = ~suspects if 2 * np.sum(suspects) <= len(suspects) else np.ones_like(suspects)
+            if not np.any(self._kept):
+                self._kept = np.ones(len(self.rows), dtype=bool)
+        return self._kept
+
+    def mean(self, stray: float) -> tuple[Array, int]:
+        """Mean row and its count."""
+        kept = self.kept(stray)
+        return np.asarray(np.array(self.rows)[kept].mean(axis=0)), int(np.sum(kept))
+
+    def scatter(self, stray: float) -> tuple[float, int]:
+        """Squared residuals of the bearings about a straight line in time, and their degrees of freedom."""
+        kept = self.kept(stray)
+        if np.sum(kept) < 3:
             return 0.0, 0
-        t = np.array(self.lags) - np.mean(self.lags)
-        a = np.array(self.offsets)
+        t = np.array([row[0] for row in self.rows])[kept]
+        t = t - t.mean()
+        a = np.array(self.offsets)[kept]
         a = a - a.mean(axis=0)
         left = a - np.outer(t, (t @ a) / (t @ t))
         return float(np.sum(left**2)), (len(t) - 2) * a.shape[1]
@@ -91,15 +99,18 @@ class _Bin:
 class BearingBins:
     """Keeps the bins of the latest ``window`` seconds.
 
-    Samples marked as suspect (a gate's word) stay out of their bin's mean for as long as they are its minority: a
-    stray echo is left out, a manoeuvre that nobody expected is not.
+    Stray bearings are left out of their bin's mean without a manoeuvre being rejected: of four or more bearings those
+    further than ``stray`` from the median of the bin, wherever that lies; of fewer, those that a gate suspects, unless
+    they are the majority.
 
     Parameters
     ----------
     width
         Width of a bin in seconds.
     window
-        Bins whose mean time is older than this, counted back from the latest sample, are dropped; in seconds.
+        Bins older than this, counted back from the latest sample, are dropped; in seconds.
+    stray
+        Angle in radians from the median of its bin beyond which a bearing is left out.
 
     Raises
     ------
@@ -107,13 +118,14 @@ class BearingBins:
         If the width is not positive or the window is shorter than two bins.
     """
 
-    def __init__(self, width: float, window: float) -> None:
+    def __init__(self, width: float, window: float, stray: float = np.inf) -> None:
         if not width > 0.0:
             raise ValueError(f"width: found {width}; allowed: a number > 0")
         if not window >= 2.0 * width:
             raise ValueError(f"window: found {window}; allowed: at least two bins of {width} s")
         self.width = float(width)
         self.window = float(window)
+        self.stray = float(stray)
         self._bins: deque[_Bin] = deque()
         self._latest: float | None = None
 
@@ -127,11 +139,34 @@ class BearingBins:
 
     @property
     def samples(self) -> int:
-        """Bearings in all bins, suspects included."""
-        return sum(one.fitting.count + one.suspect.count for one in self._bins)
+        """Bearings in all bins, strays included."""
+        return sum(len(one.rows) for one in self._bins)
 
-    def append(self, time: float, bearing: ArrayLike, own_position: ArrayLike, *, suspect: bool = False) -> None:
+    @property
+    def strays(self) -> int:
+        """Bearings that are left out."""
+        return sum(int(np.sum(~one.kept(self.stray))) for one in self._bins)
+
+    def append(
+        self,
+        time: float,
+        bearing: ArrayLike,
+        own_position: ArrayLike,
+        *,
+        expected: Array | None = None,
+        suspect: bool = False,
+    ) -> None:
         """Add a bearing ``(d,)`` taken from ``own_position`` ``(d,)`` at ``time`` in seconds.
+
+        Parameters
+        ----------
+        time, bearing, own_position
+            The sample.
+        expected
+            Direction in which the target is expected ``(d,)``: strays are told by their offset from it, so that the
+            own motion within a bin makes none; by default the first bearing of the bin.
+        suspect
+            Whether a gate suspects the bearing.
 
         Raises
         ------
@@ -141,20 +176,21 @@ class BearingBins:
         b, own = checked_sample(time, bearing, own_position, self._latest)
         t = float(time)
         index = int(np.floor(t / self.width))
-        sample = np.concatenate([[t], b, own])
         if not self._bins or self._bins[-1].index != index:
-            self._bins.append(_Bin(index, sample))
+            self._bins.append(_Bin(index))
         one = self._bins[-1]
-        (one.suspect if suspect else one.fitting).add(sample - one.origin)
-        if not suspect:
-            one.lags.append(t)
-            one.offsets.append(b @ tangent_basis(one.origin[1 : 1 + len(b)]))
+        if expected is None:
+            expected = one.rows[0][1 : 1 + len(b)] if one.rows else b
+        tangent = b @ tangent_basis(expected)
+        sine = float(np.linalg.norm(tangent))
+        angle = np.arctan2(sine, float(b @ expected))
+        one.add(np.concatenate([[t], b, own]), tangent * (angle / sine if sine > 1e-9 else 1.0), suspect)
         self._latest = t
         self.forget_before(t - self.window)
 
     def forget_before(self, time: float) -> None:
-        """Drop bins whose mean time is before ``time`` in seconds, but for the newest."""
-        while len(self._bins) > 1 and self._bins[0].row()[0][0] < time:
+        """Drop bins that ended before ``time`` in seconds, but for the newest."""
+        while len(self._bins) > 1 and (self._bins[0].index + 1) * self.width <= time:
             self._bins.popleft()
 
     def clear(self) -> None:
@@ -163,13 +199,13 @@ class BearingBins:
 
     def means(self) -> BinnedBearings:
         """The bins; not of none."""
-        rows, counts = zip(*(one.row() for one in self._bins), strict=True)
+        rows, counts = zip(*(one.mean(self.stray) for one in self._bins), strict=True)
         table = np.array(rows)
         d = (table.shape[1] - 1) // 2
         directions = table[:, 1 : 1 + d]
         # Opposite bearings in one bin have no mean direction: the vehicle ran over the target. The first one stands.
         length = np.linalg.norm(directions, axis=1, keepdims=True)
-        first = np.array([one.origin[1 : 1 + d] for one in self._bins])
+        first = np.array([one.rows[0][1 : 1 + d] for one in self._bins])
         directions = np.where(length > 1e-3, directions, first)
         directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
         return BinnedBearings(table[:, 0], directions, table[:, 1 + d :], np.array(counts, dtype=float))
@@ -180,5 +216,5 @@ class BearingBins:
         Pooled over the bins from the residuals about a straight line in each, so that neither the motion nor a slowly
         varying error enters. The variance is NaN without degrees of freedom.
         """
-        squares, freedom = (sum(parts) for parts in zip(*(one.scatter() for one in self._bins), strict=True))
+        squares, freedom = (sum(parts) for parts in zip(*(one.scatter(self.stray) for one in self._bins), strict=True))
         return (squares / freedom if freedom else float("nan")), int(freedom)

@@ -82,7 +82,8 @@ class MotionShapeTracker:
     iterations
         Largest number of Gauss-Newton steps of an estimate that starts from the last one.
     gate
-        Standardised residual from which a bearing is suspected as a stray one; infinity trusts all of them.
+        Standardised residual from which a bearing counts as a stray one (see
+        :class:`~gbt_ocp.tracking.bins.BearingBins`); infinity trusts all of them.
     known_position, known_covariance
         What is known of the position at the first bearing: mean ``(d,)`` in m and covariance ``(d, d)`` in m².
     start
@@ -118,7 +119,8 @@ class MotionShapeTracker:
                 f"found {update}, {hypotheses}, {iterations}, {gate}"
             )
         self.dimension = dimension
-        self.bins = BearingBins(bin_width, window)
+        # the lasting part of the error is the same all over a bin
+        self.bins = BearingBins(bin_width, window, gate * noise.std)
         self._prior = prior if prior is not None else ShapePrior()
         self._shape = MotionShape(dimension, self._prior, span=window + bin_width, knot=knot or 2.0 * bin_width)
         self._noise = noise
@@ -153,30 +155,33 @@ class MotionShapeTracker:
             If numbers are not finite, the bearing is no unit vector, or time does not increase; the tracker is then
             unchanged.
         """
-        self.bins.append(time, bearing, own_position, suspect=self._suspect(time, bearing, own_position))
+        expected, suspect = self._expected(time, bearing, own_position)
+        self.bins.append(time, bearing, own_position, expected=expected, suspect=suspect)
         if self._first is None:
             self._first = float(time)
         if self._fit is None or time - self._now >= self._update - 1e-9:
             self._estimate(float(time), np.array(own_position, dtype=float))
 
-    def _suspect(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> bool:
-        """Whether a bearing lies further from the predicted one than the gate allows."""
+    def _expected(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> tuple[Array | None, bool]:
+        """Direction in which the target is expected ``(d,)``, and whether a bearing lies beyond the gate from it."""
         if self._fit is None or not np.isfinite(self._gate):
-            return False
+            return None, False
         mean, covariance = (values[0] for values in self.predict([time]))
         line = mean - np.asarray(own_position, dtype=float)
         distance = float(np.linalg.norm(line))
-        if not distance > 0.0:
-            return False
-        unit, b = line / distance, np.asarray(bearing, dtype=float)
+        b = np.asarray(bearing, dtype=float)
+        if not (distance > 0.0 and np.all(np.isfinite(b))):
+            return None, False
+        unit = line / distance
         basis = tangent_basis(unit)
         tangent = basis.T @ b
-        angle = np.arctan2(np.linalg.norm(tangent), unit @ b)
+        length = float(np.linalg.norm(tangent))
+        angle = np.arctan2(length, unit @ b)
         n = self._noise
-        single = n.white_variance(self.bins) + n.correlated_std**2 + (n.own_std / distance) ** 2
+        single = n.std**2 + n.correlated_std**2 + (n.own_std / distance) ** 2
         spread = basis.T @ covariance @ basis / distance**2 + single * np.eye(self.dimension - 1)
-        towards = tangent / max(float(np.linalg.norm(tangent)), 1e-12)
-        return bool(angle**2 * (towards @ np.linalg.solve(spread, towards)) > self._gate**2)
+        towards = tangent / max(length, 1e-12)
+        return unit, bool(angle**2 * (towards @ np.linalg.solve(spread, towards)) > self._gate**2)
 
     # ---- estimating -------------------------------------------------------------------------------------------------
 
