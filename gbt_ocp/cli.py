@@ -11,9 +11,9 @@ import json
 import os
 import sys
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 # The matrices are small (20 to 60 rows): handing them to several threads costs many times what it saves. The BLAS
 # libraries read these when numpy is imported, which the next imports do. What the user has set stays.
@@ -21,18 +21,18 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MKL_NUM_THREADS", "1")
 
-from gbt_ocp.experiments import catalogue
+from gbt_ocp.arguments import WRONG_INPUT, completion, parser
+from gbt_ocp.experiments import catalogue, run_folder
 from gbt_ocp.experiments.configuration import SOLVERS, Configuration, schema
 from gbt_ocp.experiments.faults import ConfigurationError
 from gbt_ocp.experiments.guidance_sections import GUIDANCE_LAWS
 from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.experiments.studies import STUDIES
 from gbt_ocp.experiments.tracker_sections import TRACKERS
 
 if TYPE_CHECKING:
     from gbt_ocp.experiments.result import Result
 
-DONE, PROGRAM_FAULT, WRONG_INPUT, LIMIT_BROKEN, INTERRUPTED = 0, 1, 2, 3, 4
+DONE, PROGRAM_FAULT, LIMIT_BROKEN, INTERRUPTED = 0, 1, 3, 4
 
 VIOLATION_TOLERANCE = 1.0e-9
 """Relative thrust violation that still counts as round-off."""
@@ -52,11 +52,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         Exit code.
     """
     try:
-        arguments = _parser().parse_args(argv)
+        arguments = parser().parse_args(argv)
     except SystemExit as leave:
         return leave.code if isinstance(leave.code, int) else DONE
     try:
-        code: int = arguments.subcommand(arguments)
+        code = _SUBCOMMANDS[arguments.subcommand](arguments)
         sys.stdout.flush()
     except ConfigurationError as error:
         print("\n".join(error.faults), file=sys.stderr)
@@ -72,112 +72,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         traceback.print_exc()
         return PROGRAM_FAULT
     return code
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        self.exit(WRONG_INPUT, f"{self.prog}: {message}; see {self.prog} --help\n")
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="gbt-ocp", description="Trajectory optimisation for bearing-only target tracking.")
-    commands = parser.add_subparsers(title="subcommands", required=True, metavar="SUBCOMMAND")
-
-    run = commands.add_parser("run", help="run one experiment and write its run folder")
-    run.add_argument("config", metavar="CONFIG", help="a shipped configuration (see gbt-ocp list) or a YAML file")
-    run.add_argument("--out", metavar="DIR", type=Path, help="run folder (default: a new one in runs/)")
-    run.add_argument(
-        "--set", metavar="KEY.PATH=VALUE", nargs="+", action="extend", default=[], help="replace single keys"
-    )
-    run.add_argument("--seed", metavar="N", type=_seed, help="replace the seed")
-    run.add_argument("--no-figures", action="store_true", help="write no figures")
-    run.add_argument("--quiet", action="store_true", help="show no progress")
-    run.set_defaults(subcommand=_run)
-
-    codegen = commands.add_parser("codegen", help="write the planner of an experiment as C that stands alone")
-    codegen.add_argument("config", metavar="CONFIG", help="a shipped configuration or a YAML file")
-    codegen.add_argument("--out", metavar="DIR", type=Path, required=True, help="a new or empty folder")
-    codegen.add_argument(
-        "--set", metavar="KEY.PATH=VALUE", nargs="+", action="extend", default=[], help="replace single keys"
-    )
-    codegen.add_argument("--solver", choices=("compiled", "ipopt"), default="compiled", help="what solves it in C")
-    codegen.add_argument("--verify", action="store_true", help="build it, run its recorded steps, make it fail")
-    codegen.set_defaults(subcommand=_codegen)
-
-    sweep = commands.add_parser("sweep", help="run an experiment with many seeds and with any keys varied")
-    sweep.add_argument("config", metavar="CONFIG", nargs="?", help="a shipped configuration or a YAML file")
-    sweep.add_argument("--runs", metavar="N", type=_count, help="seeds of every variant")
-    sweep.add_argument("--seed-from", metavar="S", type=_seed, default=0, help="the first seed (default: 0)")
-    sweep.add_argument(
-        "--grid",
-        metavar="KEY.PATH=V1,V2",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="values of a key; all combinations are run",
-    )
-    sweep.add_argument("--list", metavar="FILE", type=Path, help="a YAML list of variants, mappings of keys")
-    sweep.add_argument(
-        "--set", metavar="KEY.PATH=VALUE", nargs="+", action="extend", default=[], help="replace keys in all runs"
-    )
-    sweep.add_argument("--no-histories", action="store_true", help="keep summaries only, no history.npz")
-    _add_engine(sweep)
-    sweep.set_defaults(subcommand=_sweep)
-
-    reproduce = commands.add_parser("reproduce", help="make a table or a figure of the paper anew")
-    reproduce.add_argument("study", metavar="STUDY", choices=[*STUDIES, "all"], help=", ".join([*STUDIES, "all"]))
-    reproduce.add_argument("--runs", metavar="N", type=_count, default=50, help="runs of every variant (default: 50)")
-    reproduce.add_argument("--seed-from", metavar="S", type=_seed, default=0, help="the first seed (default: 0)")
-    reproduce.add_argument("--tune", action="store_true", help="search for the parameters of the methods anew")
-    _add_engine(reproduce)
-    reproduce.set_defaults(subcommand=_reproduce)
-
-    compare = commands.add_parser("compare", help="compare treatments of the thrust limits on the same problems")
-    compare.add_argument("config", metavar="CONFIG", nargs="+", help="shipped configurations or YAML files")
-    compare.add_argument("--formulations", metavar="NAME,NAME", type=_names, help="by default all (see the report)")
-    compare.add_argument("--solvers", metavar="NAME,NAME", type=_names, help="ipopt, compiled (default: both)")
-    compare.add_argument("--runs", metavar="N", type=_count, default=10, help="seeds in closed loop (default: 10)")
-    compare.add_argument(
-        "--problems", metavar="N", type=_count, default=200, help="recorded problems of each CONFIG (default: 200)"
-    )
-    compare.add_argument(
-        "--set", metavar="KEY.PATH=VALUE", nargs="+", action="extend", default=[], help="replace single keys"
-    )
-    compare.add_argument("--out", metavar="DIR", type=Path, help="a new or empty folder, or one to go on with")
-    compare.add_argument("--jobs", metavar="J", type=_count, help="processes (default: one a core)")
-    compare.add_argument("--quiet", action="store_true", help="show no progress")
-    compare.set_defaults(subcommand=_compare)
-
-    commands.add_parser("schema", help="print the JSON schema of the YAML, for editors").set_defaults(
-        subcommand=_schema
-    )
-    commands.add_parser("list", help="list problems, configurations, trackers, guidance laws and solvers").set_defaults(
-        subcommand=_list
-    )
-    return parser
-
-
-def _add_engine(parser: argparse.ArgumentParser) -> None:
-    """Add who carries out the runs, and where they are kept."""
-    who = parser.add_mutually_exclusive_group()
-    who.add_argument("--jobs", metavar="J", type=_count, help="processes (default: one a core)")
-    who.add_argument("--dask", metavar="ADDRESS", help="scheduler of a dask.distributed cluster, or local")
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--out", metavar="DIR", type=Path, help="a new or empty folder (default: a new one in runs/)")
-    where.add_argument("--resume", metavar="DIR", type=Path, help="take up what was begun in this folder")
-    parser.add_argument("--quiet", action="store_true", help="show no progress")
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"found {text!r}; allowed: a whole number >= 1")
-    return int(text)
-
-
-def _seed(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"found {text!r}; allowed: a whole number >= 0")
-    return int(text)
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -240,10 +134,6 @@ def _new_folder(configuration: Configuration) -> Path:
         count += 1
         folder = Path("runs") / f"{base}-{count}"
     return folder
-
-
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",")]
 
 
 def _compare(arguments: argparse.Namespace) -> int:
@@ -402,6 +292,48 @@ def _print_summary(summary: Mapping[str, Any]) -> None:
             print(f"{key:<24}{text:>10} {unit}".rstrip())
 
 
+def _animate(arguments: argparse.Namespace) -> int:
+    from gbt_ocp.reporting.animation import write_animation
+
+    return _write_from(arguments, write_animation, "animation.html")
+
+
+def _report(arguments: argparse.Namespace) -> int:
+    from gbt_ocp.reporting.run_report import write_report
+
+    return _write_from(arguments, write_report, "report.html")
+
+
+def _write_from(arguments: argparse.Namespace, write: Callable[[Path, Path], Path], name: str) -> int:
+    """Write a file about a run folder, if need be of this name inside it."""
+    folder: Path = arguments.run_dir
+    missing = [part for part in run_folder.PARTS if not (folder / part).is_file()]
+    if missing:
+        raise ConfigurationError(
+            [f"RUN_DIR: found {folder}, without {', '.join(missing)}; allowed: a folder that gbt-ocp run wrote"]
+        )
+    try:
+        print(write(folder, arguments.out or folder / name))
+    except ValueError as fault:
+        where = "--out" if str(fault).startswith("found") else "RUN_DIR"
+        raise ConfigurationError([f"{where}: {fault}"]) from fault
+    except OSError as fault:
+        raise ConfigurationError([f"--out: {fault}; allowed: a file that can be written"]) from fault
+    return DONE
+
+
+def _new(arguments: argparse.Namespace) -> int:
+    from gbt_ocp.experiments.starting_point import write_problem
+
+    print(f"{write_problem(arguments.file)}\nrun it: gbt-ocp run {arguments.file}")
+    return DONE
+
+
+def _completion(arguments: argparse.Namespace) -> int:
+    print(completion(arguments.shell))
+    return DONE
+
+
 def _schema(arguments: argparse.Namespace) -> int:
     print(json.dumps(schema(), indent=2, ensure_ascii=False))
     return DONE
@@ -420,6 +352,21 @@ def _list(arguments: argparse.Namespace) -> int:
         for name, description in entries.items():
             print(f"  {name:<16}{description}")
     return DONE
+
+
+_SUBCOMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
+    "run": _run,
+    "compare": _compare,
+    "sweep": _sweep,
+    "reproduce": _reproduce,
+    "codegen": _codegen,
+    "animate": _animate,
+    "report": _report,
+    "new": _new,
+    "completion": _completion,
+    "schema": _schema,
+    "list": _list,
+}
 
 
 if __name__ == "__main__":

@@ -125,7 +125,14 @@ def build_problem(configuration: Configuration, vehicle: Vehicle) -> TrajectoryP
         problem = problem.subject_to(limit, nodes=section.nodes)
     else:
         problem = problem.subject_to_penalty(limit, weight=section.weight, width=section.width, nodes=section.nodes)
-    return with_limits(problem, configuration)
+    problem = with_limits(problem, configuration)
+    more = configuration.problem_object.constrain
+    if more is None:
+        return problem
+    constrained = more(problem)
+    if not isinstance(constrained, TrajectoryProblem):
+        raise ValueError(f"constrain: found a {type(constrained).__name__} returned; allowed: a TrajectoryProblem")
+    return constrained
 
 
 def build_planner(configuration: Configuration, vehicle: Vehicle) -> Planner:

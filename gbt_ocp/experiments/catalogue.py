@@ -14,6 +14,10 @@ from gbt_ocp.experiments.problem import TrackingProblem
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
+SCHEMA_LINE = "# yaml-language-server: $schema="
+"""How the first line of a configuration begins that tells an editor where the schema lies."""
+
+
 class ProblemError(ValueError):
     """A problem that cannot be found or loaded; the message says what was found and what is allowed."""
 
@@ -50,9 +54,9 @@ def config_path(name: str) -> Path | None:
 
 
 def config_description(name: str) -> str:
-    """First comment line of a shipped configuration."""
-    first = (configs_folder() / f"{name}.yaml").read_text(encoding="utf-8").partition("\n")[0]
-    return first.removeprefix("#").strip()
+    """First comment line of a shipped configuration, but for the one that names the schema to editors."""
+    lines = (configs_folder() / f"{name}.yaml").read_text(encoding="utf-8").splitlines()
+    return next(line.removeprefix("#").strip() for line in lines if not line.startswith(SCHEMA_LINE))
 
 
 def problem_path(problem: str) -> Path:

@@ -70,7 +70,8 @@ def load_config(
     Parameters
     ----------
     source
-        Name of a shipped configuration (``case2``), path of a YAML file, or a mapping with the same keys.
+        Name of a shipped configuration (``case2``), path of a YAML file or of a problem's Python file, or a mapping
+        with the keys of a file.
     overrides
         Lines ``key.path=value`` with the value in YAML, stronger than what is written; later ones are stronger.
     seed
@@ -127,7 +128,9 @@ def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, Path, str | None
     path = shipped or Path(source).expanduser()
     if not path.is_file():
         names = ", ".join(catalogue.config_names())
-        raise ConfigurationError([f"{source}: found no such file; allowed: {names}, or a path to a YAML file"])
+        raise ConfigurationError([f"{source}: found no such file; allowed: {names}, or a path to a YAML or .py file"])
+    if path.suffix == ".py":  # a problem with all its defaults
+        return str(path), Path.cwd(), path.stem, {"problem": str(path.resolve())}
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as fault:

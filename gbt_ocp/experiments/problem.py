@@ -30,6 +30,9 @@ class TrackingProblem:
         the configuration.
     objective
         Function that returns the planner's objective; ``None`` for the expected bearing similarity.
+    constrain
+        Function that takes the :class:`gbt_ocp.ocp.TrajectoryProblem` and returns it subject to more; ``None`` where
+        the limits of the configuration are all.
 
     Raises
     ------
@@ -44,6 +47,7 @@ class TrackingProblem:
     defaults: Mapping[str, Any] = field(default_factory=dict)
     vehicle: Callable[[], object] | None = None
     objective: Callable[..., object] | None = None
+    constrain: Callable[[Any], object] | None = None
 
     def __post_init__(self) -> None:
         if self.dimension not in (2, 3):
@@ -52,6 +56,6 @@ class TrackingProblem:
             raise ValueError(f"target: found {self.target!r}; allowed: a mapping, or a function without arguments")
         if not isinstance(self.defaults, Mapping):
             raise ValueError(f"defaults: found {self.defaults!r}; allowed: a mapping with the keys of a configuration")
-        for key, value in (("vehicle", self.vehicle), ("objective", self.objective)):
+        for key, value in (("vehicle", self.vehicle), ("objective", self.objective), ("constrain", self.constrain)):
             if not (value is None or callable(value)):
                 raise ValueError(f"{key}: found {value!r}; allowed: a function, or None")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import importlib.metadata
 import os
 import platform
@@ -22,6 +23,8 @@ from gbt_ocp.experiments import run_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pandas import DataFrame
+    from xarray import Dataset
 
 Array = NDArray[np.float64]
 
@@ -411,6 +414,42 @@ class Result:
         text = (path / run_folder.CONFIGURATION).read_text(encoding="utf-8")
         history = History.load_npz(path / run_folder.HISTORY)
         return cls(RecordedConfiguration(text), history, run_folder.read_summary(path))
+
+    def to_dataframe(self) -> DataFrame:
+        """The history as a ``pandas.DataFrame``, one row a step (see `gbt_ocp.experiments.tabular.dataframe`).
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        from gbt_ocp.experiments.tabular import dataframe
+
+        return dataframe(self.history)
+
+    def to_xarray(self) -> Dataset:
+        """The history as an ``xarray.Dataset`` (see `gbt_ocp.experiments.tabular.dataset`); the numbers of the summary
+        and the configuration are its attributes.
+
+        Raises
+        ------
+        ImportError
+            If xarray is not installed.
+        """
+        from gbt_ocp.experiments.tabular import dataset
+
+        numbers = {key: value for key, value in self.summary.items() if isinstance(value, int | float | str)}
+        return dataset(self.history, {**numbers, "configuration": self.configuration.to_yaml()})
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the numbers of `repr`, as a table."""
+        title, *lines = repr(self).splitlines()
+        rows = "".join(
+            f"<tr><th style='text-align:left'>{html.escape(head)}</th>"
+            f"<td style='text-align:left'>{html.escape(rest)}</td></tr>"
+            for head, rest in (line.split(maxsplit=1) for line in lines)
+        )
+        return f"<table><caption style='text-align:left'>{html.escape(title)}</caption>{rows}</table>"
 
     def __repr__(self) -> str:
         number = self.summary.get

@@ -21,6 +21,8 @@ CONFIGURATION = "config.yaml"
 HISTORY = "history.npz"
 SUMMARY = "summary.json"
 FIGURES = "figures"
+PARTS = (CONFIGURATION, HISTORY, SUMMARY)
+"""The files without which a folder is no run folder."""
 
 PARTIAL = ".partial-"
 """Marks a temporary folder: ``.NAME.partial-HOST-PID-TOKEN`` beside the final NAME."""

@@ -1,0 +1,78 @@
+"""The page of an animation: one HTML file that needs no network, with the run's arrays inside."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gbt_ocp.reporting.scene import Scene, confidence_radius
+from gbt_ocp.reporting.whole_file import packaged_text
+
+_FOLDER = "player"
+
+
+def animation_page(scene: Scene) -> str:
+    """The page, complete: markup, style, script and data.
+
+    The script draws on a canvas: whole run or around the target, in space from any side. Arrays are 32-bit floats in
+    base64, which keep seven digits and NaN.
+    """
+    # "</" would end the script element in the middle of a text.
+    data = json.dumps(_data(scene), ensure_ascii=False).replace("</", "<\\/")
+    page = packaged_text(_FOLDER, "player.html")
+    for mark, text in (
+        ("{{title}}", html.escape(scene.title)),
+        ("{{style}}", packaged_text(_FOLDER, "player.css")),
+        ("{{data}}", data),
+        ("{{script}}", packaged_text(_FOLDER, "camera.js") + packaged_text(_FOLDER, "player.js")),
+    ):
+        page = page.replace(mark, text)
+    return page
+
+
+def _data(scene: Scene) -> dict[str, Any]:
+    history = scene.history
+    d = history.dimension
+    words, status = np.unique(history.solver_status, return_inverse=True)
+    low, high = scene.corners()
+    rows, columns = np.triu_indices(d)
+    return {
+        "title": scene.title,
+        "dimension": d,
+        "steps": len(history.t),
+        "times": history.forecast_mean.shape[1],
+        "pieces": history.plan.shape[1],
+        "speed": scene.speed,
+        "radius": confidence_radius(d),
+        "closeUp": scene.close_up(),
+        "low": low.tolist(),
+        "high": high.tolist(),
+        "statusWords": [str(word) for word in words],
+        "fallback": [str(word) for word in history.fallback],
+        "arrays": {
+            "t": _packed(history.t),
+            "target": _packed(history.target),
+            "vehicle": _packed(scene.vehicle),
+            "yaw": _packed(history.vehicle_pose[:, d]),
+            "bearing": _packed(history.bearing),
+            "mean": _packed(history.forecast_mean),
+            # xx, xy, yy in the plane; xx, xy, xz, yy, yz, zz in space
+            "covariance": _packed(history.forecast_cov[:, :, rows, columns]),
+            "plan": _packed(scene.plan),
+            "error": _packed(history.error),
+            "meanError": _packed(history.mean_error),
+            "distance": _packed(scene.distance),
+            "condition": _packed(history.condition_number),
+            "solverTime": _packed(1e3 * history.solver_time),
+            "status": _packed(status),
+        },
+    }
+
+
+def _packed(values: NDArray[Any]) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")

@@ -1,0 +1,216 @@
+"""``gbt-ocp report``: one page about a run that needs no network: summary, figures, solver ledger, configuration."""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from gbt_ocp.experiments import run_folder
+from gbt_ocp.experiments.result import History
+from gbt_ocp.reporting.figures import draw_figures
+from gbt_ocp.reporting.whole_file import packaged_text, whole_file
+
+MOST_FAILURES = 200
+"""Failed solves that are listed one by one."""
+
+MEANING = {
+    "error_mean": ("m", "tracking error ‖μ - P_T‖, mean over the forecast and the run"),
+    "error_settled": ("m", "the same from the settling time on"),
+    "error_settled_max": ("m", "its largest value from the settling time on"),
+    "error_final": ("m", "at the last step"),
+    "error_rms": ("m", "root mean square over the run"),
+    "error_median": ("m", "median over the run"),
+    "settling_s": ("s", "settling time"),
+    "distance_min": ("m", "nearest distance from the target"),
+    "distance_median": ("m", "median distance"),
+    "distance_max_after_10s": ("m", "farthest distance after 10 s"),
+    "similarity_second_half": ("", "least cosine between desired and true bearing, second half of the run"),
+    "similarity_mean_second_half": ("", "its mean"),
+    "violation_max": ("of the limit", "largest thrust above its limit on the executed pieces"),
+    "objective_mean": ("", "mean objective of the plans"),
+    "solver": ("", "what solved the plans"),
+    "solver_success_rate": ("", "share of plans solved at the first try"),
+    "solver_iterations_mean": ("", "mean iterations of a plan"),
+    "solver_time_median_ms": ("ms", "median time of a plan"),
+    "solver_time_max_ms": ("ms", "longest time of a plan"),
+    "tracker_time_median_ms": ("ms", "median time of the tracker"),
+    "step_time_median_ms": ("ms", "median time of tracker and solver together"),
+    "steps_over_period": ("", "steps that took longer than a sampling period"),
+    "steps": ("", "sampling periods"),
+    "wall_s": ("s", "duration of the computation"),
+    "seed": ("", "seed of every random draw"),
+    "thrust_max": ("N, N m", "limits of the thrust"),
+}
+"""Unit and meaning of keys of the summary."""
+
+_CAPTIONS = {
+    "trajectories": "Paths of vehicle and target, and the posterior mean at each step.",
+    "error": "Tracking error, mean over the forecast, and its bound by the paper's theorem.",
+    "condition_number": "Condition number of the cumulative bearing matrix of the window: 1 is the best.",
+    "hyperparameters": "Hyperparameters of the tracker.",
+    "thrust": "Thrust over its limit, with the peak on the fine grid of each executed piece.",
+    "solver_time": "Time of tracker and solver at each step.",
+    "tracker_time": "Time of the tracker at each step.",
+}
+
+
+def write_report(run_dir: str | os.PathLike[str], out: str | os.PathLike[str]) -> Path:
+    """Write the page about a run folder; a file of that name is replaced.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a file of the run folder is missing.
+    ValueError
+        If one is damaged, or the name does not end in ``.html``.
+    """
+    target = Path(out)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"found {target}; allowed: a name that ends in .html")
+    page = report_page(run_dir)
+    with whole_file(target) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return target
+
+
+def report_page(run_dir: str | os.PathLike[str]) -> str:
+    """The page about a run folder, drawn from its own three files.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        See :func:`write_report`.
+    """
+    folder = Path(run_dir)
+    text = (folder / run_folder.CONFIGURATION).read_text(encoding="utf-8")
+    configuration = yaml.safe_load(text)
+    if not isinstance(configuration, dict):
+        raise ValueError(f"{folder / run_folder.CONFIGURATION}: found no mapping; allowed: a configuration")
+    history = History.load_npz(folder / run_folder.HISTORY)
+    summary = run_folder.read_summary(folder)
+    title = f"{configuration.get('name', 'run')}, seed {summary.get('seed')}"
+    figures = draw_figures(history, configuration, summary)
+    body = [
+        f"<h1>{escape(title)}</h1>",
+        f"<p>{escape(_in_a_sentence(history, summary))}</p>",
+        *(f"<p class='warning'>{escape(str(line))}</p>" for line in summary.get("warnings") or ()),
+        "<h2>Summary</h2>",
+        _table(("value", "unit", "meaning", "key"), _summary_rows(summary), "summary"),
+        "<h2>Figures</h2>",
+        *(_figure(name, figure) for name, figure in figures.items()),
+        "<h2>Solver ledger</h2>",
+        *_ledger(history, summary),
+        "<h2>Versions</h2>",
+        _table(("", ""), [(name, str(value)) for name, value in (summary.get("versions") or {}).items()]),
+        "<h2>Configuration</h2>",
+        "<p>Every default written out; <code>gbt-ocp run</code> with it gives the same run.</p>",
+        f"<pre>{escape(text)}</pre>",
+    ]
+    page = packaged_text("page", "report.html")
+    return page.replace("{{title}}", escape(title)).replace("{{body}}", "\n".join(body))
+
+
+def _in_a_sentence(history: History, summary: dict[str, Any]) -> str:
+    violation, fallbacks = summary.get("violation_max"), sum((summary.get("fallbacks") or {}).values())
+    kept = "has no thrust to speak of" if violation is None else "kept" if violation <= 1e-9 else "broke"
+    thrust = f"the vehicle {kept}" if violation is None else f"the vehicle {kept} its thrust limits"
+    planned = int(np.count_nonzero(history.planned))
+    solved = f"{planned} plans, {fallbacks} of them a fallback after a failed solve" if planned else "no plans"
+    return (
+        f"{history.t[-1]:.4g} s in {'the plane' if history.dimension == 2 else 'space'}, {len(history.t)} samples; "
+        f"settled error {_number(summary.get('error_settled'))} m; {thrust}; {solved}."
+    )
+
+
+def _summary_rows(summary: dict[str, Any]) -> Iterable[tuple[str, ...]]:
+    for key, value in summary.items():
+        if key in ("versions", "warnings", "fallbacks", "retries"):
+            continue  # each has a place of its own
+        unit, meaning = MEANING.get(key, ("", ""))
+        yield _number(value), unit, meaning, key
+
+
+def _ledger(history: History, summary: dict[str, Any]) -> list[str]:
+    planned = history.planned
+    if not planned.any():
+        return ["<p>Nothing was solved: the guidance law has no solver.</p>"]
+    count = int(np.count_nonzero(planned))
+    words = Counter(str(word) for word in history.solver_status[planned])
+    statuses = [(word, str(number), f"{100.0 * number / count:.3g} %") for word, number in words.most_common()]
+    answers = [(word, str(number)) for word, number in (summary.get("fallbacks") or {}).items()]
+    answers += [(f"retries: {word}", str(number)) for word, number in (summary.get("retries") or {}).items()]
+    spread = ("", "least", "median", "90 %", "99 %", "most")
+    lines = [
+        _table(("status of the solve", "steps", "share"), statuses),
+        _table(("answer to a failed solve", "steps"), answers),
+        _table(
+            spread,
+            [
+                ("iterations", *_quantiles(history.solver_iterations[planned].astype(float))),
+                ("time of the solver, ms", *_quantiles(1e3 * history.solver_time[planned])),
+                ("time of the tracker, ms", *_quantiles(1e3 * history.tracker_time)),
+            ],
+        ),
+    ]
+    failed = np.flatnonzero(planned & ((history.solver_status != "solved") | (history.fallback != "")))
+    if not len(failed):
+        return [*lines, "<p>Every plan was solved at the first try.</p>"]
+    shown = failed[:MOST_FAILURES]
+    rows = [
+        (
+            f"{history.t[k]:.4g}",
+            str(history.solver_status[k]),
+            str(history.fallback[k]) or "none",
+            str(history.solver_iterations[k]),
+            _number(1e3 * float(history.solver_time[k])),
+        )
+        for k in shown
+    ]
+    head = f"The {len(shown)} first of {len(failed)}" if len(shown) < len(failed) else f"All {len(failed)}"
+    names = ("t, s", "status", "answer", "iterations", "ms")
+    return [*lines, f"<h3>{head} plans that were not solved at the first try</h3>", _table(names, rows)]
+
+
+def _quantiles(values: NDArray[np.float64]) -> tuple[str, ...]:
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return ("none",) * 5
+    return tuple(_number(float(value)) for value in np.quantile(known, (0.0, 0.5, 0.9, 0.99, 1.0)))
+
+
+def _number(value: Any) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, list):
+        return ", ".join(map(_number, value))
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]], kind: str = "") -> str:
+    def line(cells: Sequence[str], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+    top = line(head, "th") if any(head) else ""
+    return f"<table class='{kind}'>{top}{''.join(line(row, 'td') for row in rows)}</table>"
+
+
+def _figure(name: str, figure: Figure) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=150)
+    data = base64.b64encode(buffer.getvalue()).decode("ascii")
+    caption = _CAPTIONS.get(name, name)
+    return (
+        f"<figure><img alt='{escape(caption)}' src='data:image/png;base64,{data}'>"
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
