@@ -90,7 +90,7 @@ def test_commands_parse(name):
     for line in [*indented, *re.findall(r"`gbt-ocp ([^`]*)`", DOCUMENTS[name])]:
         for placeholder, value in PLACEHOLDERS.items():
             line = line.replace(placeholder, value)
-        words = shlex.split(line.partition(";")[0])
+        words = shlex.split(re.split(r";| > ", line)[0])
         assert words[0] in SUBCOMMANDS
         if len(words) == 1:  # a subcommand that is merely named
             continue
