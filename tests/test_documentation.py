@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 DOCUMENTS = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
-    for path in [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+    for path in [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 }
 PAPER, ARCHITECTURE = DOCUMENTS["docs/paper.md"], DOCUMENTS["docs/architecture.md"]
 
@@ -100,7 +100,14 @@ def test_commands_parse(name):
         # Words in capitals stand for what a reader puts in.
         overrides = [text for text in arguments.set if not re.search(r"\b[A-Z]{3,}\b", text)]
         for config in arguments.config if isinstance(arguments.config, list) else [arguments.config]:
-            load_config({} if config == "mine.yaml" else config, overrides=overrides)
+            load_config(source(config, (ROOT / name).parent), overrides=overrides)
+
+
+def source(config, folder):
+    """A file of the tutorials, or what stands for a reader's own."""
+    if not config.endswith((".yaml", ".py")):
+        return config
+    return next((found for found in (folder / config, ROOT / config) if found.is_file()), {})
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
