@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from gbt_ocp.bearings import DesiredBearing, condition_number, cumulative_bearing_matrix
-from gbt_ocp.guidance.protocol import Guidance, Placement
+from gbt_ocp.guidance.protocol import BearingGuidance, Guidance, Placement
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.sensors import BearingSensor
 from gbt_ocp.targets import Target
@@ -191,6 +191,8 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
         forecast = loop.tracker.predict(times)
         tracker_time = perf_counter() - began
 
+        if isinstance(loop.guidance, BearingGuidance):
+            loop.guidance.see(bearing)
         decision = loop.guidance.decide(t, flat, forecast)
         if isinstance(decision, Plan):
             move = mover.follow(decision)

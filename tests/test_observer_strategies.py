@@ -12,6 +12,7 @@ from gbt_ocp.guidance.fim_placement import FimPlacement
 from gbt_ocp.guidance.helical import HelicalGuidance, rotation_to
 from gbt_ocp.guidance.inverse_dynamics import InverseDynamics
 from gbt_ocp.guidance.line_of_sight import LineOfSight
+from gbt_ocp.guidance.protocol import BearingGuidance
 from gbt_ocp.simulation import Mover, simulate
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
@@ -66,6 +67,9 @@ def test_the_line_of_sight_is_that_of_the_estimate():
     assert sight.range == pytest.approx(5.0)
     np.testing.assert_allclose(sight.direction, [0.6, 0.8])
     np.testing.assert_allclose(sight.target_velocity, [1.0, -2.0])
+    measured = LineOfSight.of(np.ones(2), forecast_of([[4.0, 5.0], [4.1, 4.8]]), PERIOD, np.array([0.0, 1.0]))
+    assert measured.range == pytest.approx(5.0)
+    np.testing.assert_array_equal(measured.direction, [0.0, 1.0])
     here = LineOfSight.of(np.ones(2), forecast_of(np.ones((2, 2))), PERIOD)
     assert here.range == 0.0
     np.testing.assert_array_equal(here.direction, [1.0, 0.0])
@@ -94,6 +98,31 @@ def test_circumnavigation_settles_on_its_circle_around_a_target_it_knows(vehicle
     assert np.mean(ranges[200:]) == pytest.approx(2.0, abs=0.15)
     turned = np.unwrap(angles)[200:]
     assert np.polyfit(PERIOD * np.arange(len(turned)), turned, 1)[0] == pytest.approx(-0.5, rel=0.12)  # clockwise
+
+
+@pytest.mark.parametrize("vehicle", [PLANAR, SPATIAL], ids=["planar", "spatial"])
+def test_circumnavigation_goes_around_the_target_and_not_around_a_wrong_estimate(vehicle):
+    """The estimate stays 4 m beside the target: the bearing turns by whole turns only if the vehicle keeps to it."""
+    d = vehicle.position_dimension
+    target, estimate = np.zeros(d), np.array([4.0, 0.0, 0.0])[:d]
+    turned = {}
+    for sees in (True, False):
+        law = Circumnavigation(vehicle, PERIOD, speed=3.0, radial_gain=1.0, standoff=4.0)
+        assert isinstance(law, BearingGuidance)
+        mover = Mover(vehicle, PERIOD, "dynamics")
+        flat = np.zeros((2, d + 1))
+        flat[0, 1] = -2.0
+        state = vehicle.state(*flat)
+        angles = []
+        for k in range(300):
+            line = target - flat[0, :d]
+            angles.append(np.arctan2(line[1], line[0]))
+            law.see(line / np.linalg.norm(line) if sees else None)
+            move = mover.hold(state, law.decide(k * PERIOD, flat, forecast_of(np.tile(estimate, (2, 1)))))
+            flat, state = move.flat, move.state
+        turned[sees] = abs(np.unwrap(angles)[-1] - angles[0])
+    assert turned[True] > 4.0 * np.pi
+    assert turned[False] < 0.8 * turned[True]
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -48,14 +48,14 @@ def test_the_grids_are_the_papers():
     assert sizes == {
         "OE-S": [16],
         "OE-CV": [64],
-        "PLKF": [12],
-        "IMM-PLKF": [12],
-        FULL_POSITIONS: [4],
+        "PLKF": [12, 3],
+        "IMM-PLKF": [12, 6],
+        FULL_POSITIONS: [4, 6],
         "PR": [12],
         POLYNOMIAL_SETTLED: [12],
         GBT: [],
     }
-    assert [len(tuning._points(grid)) for grid in methods(3)[0].grids] == [16, 27]
+    assert [len(tuning._points(grid)) for grid in methods(3)[0].grids] == [16, 27, 3]
     for dimension, cases in ((2, PLANE), (3, SPACE)):
         for method in methods(dimension):
             if method.name != POLYNOMIAL_SETTLED:
@@ -130,6 +130,8 @@ def test_tables_rank_and_findings_follow_from_the_rows(made, monkeypatch):
         return {"error_mean": mean, "error_settled": {GBT: 0.0005, POLYNOMIAL_SETTLED: 0.0004}.get(name, 1.0)}
 
     monkeypatch.setattr(Made, "row", staticmethod(row))
+    orders = {(POLYNOMIAL_SETTLED, case): {"tracker.order": 5} for case in PLANE}
+    monkeypatch.setattr(tuning, "shipped", lambda: orders)
     bench = Made(made.folder, made.seeds, Serial())
     report = import_module("gbt_ocp.experiments.studies.table2").conduct(bench)
     rows = {(row[0], row[1]): row for row in report.tables["table2"].rows}
@@ -146,6 +148,11 @@ def test_tables_rank_and_findings_follow_from_the_rows(made, monkeypatch):
     assert not held["case2: GBT no larger than the best polynomial order (settled)."]
     assert held["case1: GBT below 1 mm (settled)."]
     assert held["case2: PR within a factor 2 of the paper's cell."]
+    # with the same parameters both polynomial rows are the same runs
+    orders.clear()
+    report = import_module("gbt_ocp.experiments.studies.table2").conduct(bench)
+    rows = {(row[0], row[1]): row for row in report.tables["table2"].rows}
+    assert rows["case2", POLYNOMIAL_SETTLED][2:6:3] == rows["case2", "PR"][2:6:3]
     assert not held["case2: PLKF within a factor 2 of the paper's cell."]
 
 

@@ -18,8 +18,10 @@ class Circumnavigation:
 
     Law: Deghat, Shames, Anderson and Yu (2014), with the velocity of the estimate added for a moving target and the
     vehicle's dynamics in place of an integrator; the paper gives neither, so this is a reconstruction. λ is the
-    direction of the estimate, which is the bearing where the estimator keeps to it. The circle is horizontal: λ_⊥ is
-    λ turned by +90° in the plane, and ``e_z × λ`` normalised in space.
+    measured bearing and r̂ the distance of the estimate: the vehicle goes around the target itself, however wrong the
+    estimate is, and that excites the estimator. Circling a wrong estimate hardly turns the line of sight. A missed
+    bearing is replaced by the direction of the estimate. The circle is horizontal: λ_⊥ is λ turned by +90° in the
+    plane, and ``e_z × λ`` normalised in space.
 
     Parameters
     ----------
@@ -42,10 +44,15 @@ class Circumnavigation:
         self._speed = speed
         self._radial_gain = radial_gain
         self._standoff = standoff
+        self._bearing: Array | None = None
+
+    def see(self, bearing: Array | None) -> None:
+        """Take in the bearing ``(d,)``, or ``None`` where it was missed."""
+        self._bearing = bearing
 
     def decide(self, time: float, flat: Array, forecast: Forecast) -> Array:
         """The thrust that turns the velocity towards the wished one."""
-        sight = LineOfSight.of(flat[0, : self._dimension], forecast, self._period)
+        sight = LineOfSight.of(flat[0, : self._dimension], forecast, self._period, self._bearing)
         across = np.zeros(self._dimension)
         across[:2] = -sight.direction[1], sight.direction[0]
         size = float(np.linalg.norm(across))

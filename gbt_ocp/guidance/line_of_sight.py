@@ -21,7 +21,7 @@ class LineOfSight:
     range
         r̂ in metres.
     direction
-        λ, unit vector ``(d,)`` from the vehicle to the estimate.
+        λ, unit vector ``(d,)``: the bearing where there is one, else from the vehicle to the estimate.
     target_velocity
         v̂_T ``(d,)`` in m/s, from the first two positions of the forecast.
     """
@@ -31,9 +31,11 @@ class LineOfSight:
     target_velocity: Array
 
     @classmethod
-    def of(cls, position: Array, forecast: Forecast, period: float) -> LineOfSight:
+    def of(cls, position: Array, forecast: Forecast, period: float, bearing: Array | None = None) -> LineOfSight:
         """The line of sight from a position ``(d,)``; an estimate at the vehicle itself is put ahead along x."""
         line = forecast.mean[0] - position
         distance = float(np.linalg.norm(line))
-        direction = line / distance if distance > 0.0 else np.eye(len(line))[0]
+        direction = bearing
+        if direction is None:
+            direction = line / distance if distance > 0.0 else np.eye(len(line))[0]
         return cls(distance, direction, (forecast.mean[1] - forecast.mean[0]) / period)

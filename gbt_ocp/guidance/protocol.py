@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,3 +40,11 @@ class Guidance(Protocol):
         forecast
             Posterior at t_k, t_{k+1}, …, t_{k+n}.
         """
+
+
+@runtime_checkable
+class BearingGuidance(Guidance, Protocol):
+    """A strategy that steers by the bearing itself, not only by the estimate."""
+
+    def see(self, bearing: Array | None) -> None:
+        """Take in the bearing ``(d,)`` measured now, before the decision; ``None`` where it was missed."""

@@ -7,40 +7,41 @@ Navigation*, sections 6.2 and 11.7), of unit density in m²/s³ on the velocity 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
 
-def _each_axis(matrix: Sequence[Sequence[Array]], dimension: int) -> Array:
-    """Blocks ``m[i][j] I`` for coefficients that are numbers or arrays ``(...)``: ``(..., md, md)``."""
-    coefficients = np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in matrix], axis=-2)
+def _each_axis(coefficients: Array, dimension: int) -> Array:
+    """Blocks ``c[i, j] I`` for coefficients ``(..., m, m)``: ``(..., md, md)``."""
     blocks = coefficients[..., :, None, :, None] * np.eye(dimension)[None, :, None, :]
-    return np.asarray(blocks.reshape(*coefficients.shape[:-2], len(matrix) * dimension, -1))
+    size = coefficients.shape[-1] * dimension
+    return np.asarray(blocks.reshape(*coefficients.shape[:-2], size, size))
 
 
 def constant_velocity(step: ArrayLike, dimension: int) -> tuple[Array, Array]:
     """Transition and unit noise of [p, v] over steps ``(...)`` in seconds: two ``(..., 2d, 2d)``."""
     t = np.asarray(step, dtype=float)
-    one, zero = np.ones_like(t), np.zeros_like(t)
-    transition = [[one, t], [zero, one]]
-    noise = [[t**3 / 3.0, t**2 / 2.0], [t**2 / 2.0, t]]
+    transition, noise = np.zeros((2, *t.shape, 2, 2))
+    transition[..., 0, 0] = transition[..., 1, 1] = 1.0
+    transition[..., 0, 1] = noise[..., 1, 1] = t
+    noise[..., 0, 0] = t**3 / 3.0
+    noise[..., 0, 1] = noise[..., 1, 0] = t**2 / 2.0
     return _each_axis(transition, dimension), _each_axis(noise, dimension)
 
 
 def constant_acceleration(step: ArrayLike, dimension: int) -> tuple[Array, Array]:
     """Transition and unit noise of [p, v, a] over steps ``(...)`` in seconds: two ``(..., 3d, 3d)``."""
     t = np.asarray(step, dtype=float)
-    one, zero = np.ones_like(t), np.zeros_like(t)
-    transition = [[one, t, t**2 / 2.0], [zero, one, t], [zero, zero, one]]
-    noise = [
-        [t**5 / 20.0, t**4 / 8.0, t**3 / 6.0],
-        [t**4 / 8.0, t**3 / 3.0, t**2 / 2.0],
-        [t**3 / 6.0, t**2 / 2.0, t],
-    ]
+    transition, noise = np.zeros((2, *t.shape, 3, 3))
+    transition[..., 0, 0] = transition[..., 1, 1] = transition[..., 2, 2] = 1.0
+    transition[..., 0, 1] = transition[..., 1, 2] = noise[..., 2, 2] = t
+    transition[..., 0, 2] = noise[..., 1, 2] = noise[..., 2, 1] = t**2 / 2.0
+    noise[..., 0, 0] = t**5 / 20.0
+    noise[..., 0, 1] = noise[..., 1, 0] = t**4 / 8.0
+    noise[..., 0, 2] = noise[..., 2, 0] = t**3 / 6.0
+    noise[..., 1, 1] = t**3 / 3.0
     return _each_axis(transition, dimension), _each_axis(noise, dimension)
 
 

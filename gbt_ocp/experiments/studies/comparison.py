@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gbt_ocp.experiments.studies import tuning
-from gbt_ocp.experiments.studies.methods import FULL_POSITIONS, GBT, PAPER, POLYNOMIAL_SETTLED, methods
+from gbt_ocp.experiments.studies.methods import FULL_POSITIONS, GBT, PAPER, POLYNOMIAL, POLYNOMIAL_SETTLED, methods
 from gbt_ocp.experiments.studies.workbench import Finding, Report, Workbench
+from gbt_ocp.experiments.sweep.plan import Variant
 from gbt_ocp.experiments.sweep.sweeping import Sweep
+from gbt_ocp.experiments.sweep.table import Row
 
 if TYPE_CHECKING:
     from gbt_ocp.reporting.tables import Table
@@ -37,12 +39,21 @@ def compared(workbench: Workbench, name: str, cases: Sequence[str]) -> tuple[Swe
     chosen, scores = tuning.shipped(), list[tuning.Score]()
     if workbench.tune:
         chosen, scores = tuning.search(workbench, name, competing, cases)
-    variants = [
-        tuning.method_variant(method, case, chosen.get((method.name, case), {}))
-        for case in cases
-        for method in competing
-    ]
+    variants: list[Variant] = []
+    for case in cases:
+        for method in competing:
+            made = tuning.method_variant(method, case, chosen.get((method.name, case), {}))
+            if all(made.configuration != planned.configuration for planned in variants):
+                variants.append(made)
     return workbench.sweep(name, variants, arrays=ARRAYS), chosen, scores
+
+
+def rows_of(done: Sweep, case: str, method: str) -> list[Row]:
+    """The runs of a method that succeeded; both polynomial rows are one if the search gave them the same parameters."""
+    planned = {(entry.overrides["case"], entry.overrides["method"]) for entry in done.plan.variants}
+    if method == POLYNOMIAL_SETTLED and (case, method) not in planned:
+        method = POLYNOMIAL
+    return done.matching(case=case, method=method)
 
 
 def conduct_table(workbench: Workbench, name: str, title: str, cases: Sequence[str]) -> Report:
@@ -50,12 +61,12 @@ def conduct_table(workbench: Workbench, name: str, title: str, cases: Sequence[s
     from gbt_ocp.reporting.tables import Spread, Table
 
     done, chosen, scores = compared(workbench, name, cases)
-    names = list(dict.fromkeys(entry.overrides["method"] for entry in done.plan.variants))
+    names = [method.name for method in methods(2 if cases[0] == "case1" else 3)]
     errors: Errors = {}
     lost = {}
     for case in cases:
         for method in names:
-            rows = done.matching(case=case, method=method)
+            rows = rows_of(done, case, method)
             whole, settled = (workbench.column(rows, key) for key in ("error_mean", "error_settled"))
             # An estimate that overflows has no mean; the run is lost as much as one that raises.
             good = np.isfinite(whole) & np.isfinite(settled)

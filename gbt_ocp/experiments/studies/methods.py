@@ -13,6 +13,10 @@ GBT = "GBT"
 FULL_POSITIONS = "IMM-KF-F"
 """The one method that sees where the target is, and not only in which direction."""
 
+POLYNOMIAL = "PR"
+POLYNOMIAL_SETTLED = "PR, settled"
+"""Polynomial regression with the order that is best once the start is over: the rival of the settled error."""
+
 Grid = Mapping[str, Sequence[Any]]
 
 
@@ -65,7 +69,7 @@ PAPER: dict[str, dict[str, tuple[float, float]]] = {
         "case5": (0.355, 0.000),
         "case6": (0.167, 0.000),
     },
-    "PR": {
+    POLYNOMIAL: {
         "case1": (0.011, 0.001),
         "case2": (0.311, 0.002),
         "case3": (0.053, 0.001),
@@ -84,12 +88,12 @@ PAPER: dict[str, dict[str, tuple[float, float]]] = {
 }
 """Tables 2 and 3 of the paper: mean and standard deviation of the average error over 50 runs, metres."""
 
-POLYNOMIAL_SETTLED = "PR, settled"
-"""Polynomial regression with the order that is best once the start is over: the rival of the settled error."""
-
 _GAINS = (0.5, 1.0, 5.0, 10.0)
 _CIRCLE: Grid = {"guidance.radial_gain": (1.0, 2.0, 5.0, 10.0)}
 _COVARIANCE: Grid = {"tracker.initial_variance": _GAINS}
+_VELOCITY_NOISE: Grid = {"tracker.process_noise": (0.01, 0.1, 1.0)}
+_MODEL_NOISE: Grid = {"tracker.process_noise": (0.1, 1.0), "tracker.jerk_noise": (0.1, 1.0, 10.0)}
+"""The paper does not give the noise of the filters' models; searched last, so that no filter suffers from a guess."""
 _ORDER: Grid = {"tracker.order": (3, 5, 8, 10)}
 _PLACES: Grid = {"desired_bearing.m": (10, 15, 20)}
 _HELIX_GAIN: Grid = {"guidance.gain": (0.5, 1.5, 3.0, 5.0)}
@@ -100,13 +104,15 @@ _HELIX_SHAPE: Grid = {
 }
 
 
-def _informed(name: str, kind: str, own: Grid, dimension: int, score: str = "error_mean") -> Method:
+def _informed(
+    name: str, kind: str, own: Grid, dimension: int, noise: Sequence[Grid] = (), score: str = "error_mean"
+) -> Method:
     """A method whose vehicle seeks informative bearings: placed in the plane, along a helix in space."""
     if dimension == 2:
         keys = {"tracker.kind": kind, "guidance.kind": "fim_placement"}
-        return Method(name, keys, [{**own, **_PLACES}], score)
+        return Method(name, keys, [{**own, **_PLACES}, *noise], score)
     keys = {"tracker.kind": kind, "guidance.kind": "helical"}
-    return Method(name, keys, [{**own, **_HELIX_GAIN}, _HELIX_SHAPE], score)
+    return Method(name, keys, [{**own, **_HELIX_GAIN}, _HELIX_SHAPE, *noise], score)
 
 
 def methods(dimension: int) -> list[Method]:
@@ -125,11 +131,13 @@ def methods(dimension: int) -> list[Method]:
     ]
     return [
         *(circling if dimension == 2 else []),
-        _informed("PLKF", "plkf", _COVARIANCE, dimension),
-        _informed("IMM-PLKF", "imm_plkf", _COVARIANCE, dimension),
+        _informed("PLKF", "plkf", _COVARIANCE, dimension, [_VELOCITY_NOISE]),
+        _informed("IMM-PLKF", "imm_plkf", _COVARIANCE, dimension, [_MODEL_NOISE]),
         # It sees positions wherever the vehicle is; placing it costs nothing.
-        Method(FULL_POSITIONS, {"tracker.kind": "imm_kf_f", "guidance.kind": "fim_placement"}, [_COVARIANCE]),
-        _informed("PR", "pr", _ORDER, dimension),
-        _informed(POLYNOMIAL_SETTLED, "pr", _ORDER, dimension, "error_settled"),
+        Method(
+            FULL_POSITIONS, {"tracker.kind": "imm_kf_f", "guidance.kind": "fim_placement"}, [_COVARIANCE, _MODEL_NOISE]
+        ),
+        _informed(POLYNOMIAL, "pr", _ORDER, dimension),
+        _informed(POLYNOMIAL_SETTLED, "pr", _ORDER, dimension, score="error_settled"),
         Method(GBT, {"tracker.kind": "gp", "guidance.kind": "planner", "planner.formulation": "hard"}),
     ]
