@@ -12,6 +12,7 @@ from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.tracking.bearing_noise import BearingNoise
 from gbt_ocp.tracking.gp import GaussianProcessTracker
 from gbt_ocp.tracking.imm import ImmPositionTracker, ImmPseudoLinearTracker, InteractingMultipleModel
+from gbt_ocp.tracking.lmc import CoregionalizedTracker
 from gbt_ocp.tracking.motion_gp import MotionShapeTracker
 from gbt_ocp.tracking.orthogonality import OrthogonalityTracker
 from gbt_ocp.tracking.plkf import PseudoLinearKalmanFilter
@@ -30,6 +31,18 @@ def build_tracker(configuration: Configuration, start: Array) -> Tracker | Posit
     if isinstance(section, sections.BaselineTracker):
         prior = PositionPrior(start, section.initial_range_m, position, covariance)
         return _baseline(section, prior, configuration.sensor.period_s)
+    if isinstance(section, sections.CoregionalizedTracker):
+        return CoregionalizedTracker(
+            dimension,
+            window=section.window,
+            kernels=section.kernels,
+            centre=section.centre,
+            length_scale=None if section.length_scale == "tuned" else section.length_scale,
+            nugget=None if section.nugget == "tuned" else section.nugget,
+            prior_position=position,
+            prior_covariance=covariance,
+            start=start,
+        )
     if isinstance(section, sections.MotionTracker):
         return _motion(section, dimension, start, position, covariance)
     return GaussianProcessTracker(

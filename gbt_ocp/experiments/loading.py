@@ -55,6 +55,10 @@ _SHARED: dict[tuple[str, ...], tuple[str, ...]] = {
     ("tracker",): ("window", "forecast", "prior"),
 }
 
+# The two Gaussian processes have these in common besides, so that a preset means the same to both.
+_PROCESSES = ("gp", "lmc")
+_SHARED_BY_PROCESSES = ("centre", "length_scale", "nugget", "bound_delta")
+
 
 @dataclass(frozen=True)
 class _Layer:
@@ -265,7 +269,10 @@ def _merge(layers: Sequence[_Layer]) -> dict[str, Any]:
 def _overlay(base: Mapping[str, Any], above: Mapping[str, Any], path: tuple[str, ...]) -> dict[str, Any]:
     merged = dict(base)
     if "kind" in above and above["kind"] != base.get("kind", above["kind"]):
-        merged = {key: base[key] for key in _SHARED.get(path, ()) if key in base}
+        shared = _SHARED.get(path, ())
+        if path == ("tracker",) and above["kind"] in _PROCESSES and base["kind"] in _PROCESSES:
+            shared = (*shared, *_SHARED_BY_PROCESSES)
+        merged = {key: base[key] for key in shared if key in base}
     alternatives = _ALTERNATIVES.get(path, ())
     if any(above.get(key) is not None for key in alternatives):
         merged = {key: value for key, value in merged.items() if key not in alternatives}

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
-from gbt_ocp.experiments.keys import Covariance, PositionNumbers, Positive, PositiveNumbers, Section, key
+from gbt_ocp.experiments.keys import Covariance, PositionNumbers, Positive, PositiveNumbers, Section, as_tuples, key
 
 TRACKERS = {
     "gp": "Gaussian process on a window of pseudo-linear bearings (paper, section 3)",
+    "lmc": "Gaussian process whose axes move together: linear model of coregionalization (section 3.3)",
     "motion_gp": "Gaussian process on turn rate and log speed, for noisy bearings and unknown range",
     "oe_s": "orthogonality-based estimator of a static target",
     "oe_cv": "orthogonality-based estimator of a target with constant velocity",
@@ -24,6 +25,15 @@ TRACKERS = {
     "pr": "polynomial regression on the window",
 }
 """Estimators that exist, by ``tracker.kind``."""
+
+
+KernelName = Literal["se", "matern32", "matern52", "rq"]
+
+
+def _enough_kernels(value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+    if len(value) < (info.context or {}).get("d", 2):
+        raise ValueError("fewer than d")
+    return value
 
 
 class Prior(Section):
@@ -53,17 +63,10 @@ class TrackerSection(Section):
     )
 
 
-class GaussianProcessTracker(TrackerSection):
-    """The Gaussian-process tracker."""
+class ProcessTracker(TrackerSection):
+    """What the Gaussian-process trackers share."""
 
-    kind: Literal["gp"] = Field("gp", description="Gaussian process.")
-    kernel: Literal["se", "matern32", "matern52", "rq"] = key(
-        "se", "Kernel of the process.", "se, matern32, matern52, rq"
-    )
     centre: Literal["origin", "vehicle"] = key("vehicle", "Where the prior mean lies.", "origin, vehicle")
-    amplitude: Literal["tuned"] | Positive = key(
-        "tuned", "Prior standard deviation in m, tuned on the window or fixed.", "tuned, or a number > 0"
-    )
     length_scale: Literal["tuned"] | Positive = key(
         "tuned", "Length scale in s, tuned on the window or fixed.", "tuned, or a number > 0"
     )
@@ -73,6 +76,29 @@ class GaussianProcessTracker(TrackerSection):
         "tuned, or a number > 0",
     )
     bound_delta: float = key(0.05, "δ, probability that the error bound fails.", "a number in (0, 1]", gt=0.0, le=1.0)
+
+
+class GaussianProcessTracker(ProcessTracker):
+    """The Gaussian-process tracker."""
+
+    kind: Literal["gp"] = Field("gp", description="Gaussian process.")
+    kernel: KernelName = key("se", "Kernel of the process.", "se, matern32, matern52, rq")
+    amplitude: Literal["tuned"] | Positive = key(
+        "tuned", "Prior standard deviation in m, tuned on the window or fixed.", "tuned, or a number > 0"
+    )
+
+
+class CoregionalizedTracker(ProcessTracker):
+    """The Gaussian-process tracker with a linear model of coregionalization."""
+
+    kind: Literal["lmc"] = Field(description="Linear model of coregionalization.")
+    kernels: Annotated[tuple[KernelName, ...], BeforeValidator(as_tuples), AfterValidator(_enough_kernels)] | None = (
+        key(
+            None,
+            "Kernels of the latent functions, one each (default: d times se).",
+            "null, or a list of at least {d} of se, matern32, matern52, rq",
+        )
+    )
 
 
 class Noise(Section):
@@ -228,6 +254,7 @@ class PolynomialTracker(BaselineTracker):
 
 AnyTracker = Annotated[
     GaussianProcessTracker
+    | CoregionalizedTracker
     | MotionTracker
     | OrthogonalityStaticTracker
     | OrthogonalityVelocityTracker

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-if TYPE_CHECKING:  # the posterior returns forecasts
-    from gbt_ocp.tracking.posterior import Hyperparameters
 
 Array = NDArray[np.float64]
 
@@ -57,6 +54,22 @@ class PositionTracker(Protocol):
         """Posterior of the target's position at the times ``(K,)`` in seconds."""
 
 
+class Scales(Protocol):
+    """What is recorded of a process's hyperparameters."""
+
+    @property
+    def length_scale(self) -> float:
+        """In seconds."""
+
+    @property
+    def amplitude(self) -> float:
+        """Standard deviation of a coordinate in metres."""
+
+    @property
+    def nugget(self) -> float:
+        """Variance of a measurement relative to the amplitude squared."""
+
+
 @runtime_checkable
 class GaussianProcess(Tracker, Protocol):
     """A tracker that tunes a kernel on its window and bounds its own error; the closed loop records both."""
@@ -65,7 +78,7 @@ class GaussianProcess(Tracker, Protocol):
     """How often the nugget had to be raised before a factorisation succeeded."""
 
     @property
-    def hyperparameters(self) -> Hyperparameters:
+    def hyperparameters(self) -> Scales:
         """θ of the latest posterior."""
 
     @property
