@@ -15,6 +15,9 @@ from gbt_ocp.experiments.studies import STUDIES
 WRONG_INPUT = 2
 """Exit code for arguments that cannot be read."""
 
+COMPARED = "penalty, continuation, elastic, hard, exchange, soft, shooting"
+"""Treatments that ``compare`` knows; written down here because asking for them would load CasADi for ``--help``."""
+
 SHELLS = ("bash", "zsh", "fish")
 
 EXAMPLES = {
@@ -168,7 +171,7 @@ def _completed(action: argparse.Action, how: Mapping[str, Any]) -> None:
 
 def _add_comparison(compare: argparse.ArgumentParser) -> None:
     _add_config(compare, nargs="+")
-    compare.add_argument("--formulations", metavar="NAME,NAME", type=_names, help="by default all (see the report)")
+    compare.add_argument("--formulations", metavar="NAME,NAME", type=_names, help=f"of {COMPARED}; by default all")
     compare.add_argument("--solvers", metavar="NAME,NAME", type=_names, help="ipopt, compiled (default: both)")
     compare.add_argument("--runs", metavar="N", type=_count, default=10, help="seeds in closed loop (default: 10)")
     compare.add_argument(

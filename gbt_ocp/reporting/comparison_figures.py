@@ -164,7 +164,7 @@ def _success(tables: dict[str, list[Row]]) -> Figure | None:
                 axes.errorbar(
                     100.0 * share,
                     place + offset,
-                    xerr=[[100.0 * (share - low)], [100.0 * (high - share)]],
+                    xerr=[[np.nan_to_num(100.0 * (share - low))], [np.nan_to_num(100.0 * (high - share))]],
                     color=COLOURS[pair[0]],
                     marker=markers[number % len(markers)],
                     markersize=3.0,
@@ -172,6 +172,7 @@ def _success(tables: dict[str, list[Row]]) -> Figure | None:
                 )
         axes.set_title(f"{origin}, {mode}")
         axes.set_xlabel("solved [%]")
+        axes.set_xlim(right=102.0)
     panels[0].set_yticks(range(len(pairs)), [f"{name}, {solver}" for name, solver in pairs])
     panels[0].invert_yaxis()
     handles = [
@@ -258,6 +259,9 @@ def _nodes(tables: dict[str, list[Row]]) -> Figure | None:
         panels[1, place].axhline(0.0, color=style.BLACK, linewidth=0.8)
         panels[1, place].set_xlabel(label)
     panels[1, 1].set_xscale("log")
+    values = sorted({float(row["value"]) for row in rows if row["swept"] == "nodes"})
+    panels[1, 1].set_xticks(values, [f"{value:g}" for value in values])
+    panels[1, 1].set_xticks([], minor=True)
     panels[0, 0].set_ylabel("mean objective,\nminus that of the last value")
     panels[1, 0].set_ylabel("worst |τ|/τ_max - 1\nbetween the nodes")
     handles = [

@@ -8,18 +8,19 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from time import process_time
 
 from gbt_ocp.experiments.comparison.closed_loop import run_treated
 from gbt_ocp.experiments.comparison.open_loop import best_chunk, solve_chunk
 from gbt_ocp.experiments.comparison.plan import Plan, Task
-from gbt_ocp.experiments.comparison.problems import Problems, draw, joined, record
+from gbt_ocp.experiments.comparison.problems import Check, Problems, draw, joined, record, unasked
 from gbt_ocp.experiments.comparison.sensitivity import solve_sweep
 from gbt_ocp.experiments.comparison.tables import Row, write_rows
 from gbt_ocp.experiments.comparison.treatments import COMPILED, IPOPT, Pair, treated
 from gbt_ocp.experiments.run import interrupted_between_steps
 from gbt_ocp.ocp.codegen.building import find_compiler
 
-PARTS, PROBLEMS = "parts", "problems"
+PARTS, PROBLEMS, COSTS = "parts", "problems", "costs.txt"
 
 RECORDED_UNDER = ("hard", "elastic")
 """Runs are recorded under hard limits and under the penalty in turn, so that warm starts favour neither."""
@@ -47,32 +48,36 @@ class CarryOut:
         here = os.getpid() == self.home
         if not here:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
-        with interrupted_between_steps() if here else nullcontext(lambda: None) as check:
-            result = self._result(task)
+        began = process_time()
+        with interrupted_between_steps() if here else nullcontext(unasked) as check:
+            result = self._result(task, check)
             check()
         path = self.folder / PARTS / task.name
         if isinstance(result, Problems):
             result.save(path)
         else:
             write_rows(path, result)
+        # one short line at the end of the file: processes that write at once do not mix them up
+        with (self.folder / COSTS).open("a", encoding="utf-8") as stream:
+            stream.write(f"{task.name} {process_time() - began:.3f}\n")
         return True
 
-    def _result(self, task: Task) -> Problems | list[Row]:
+    def _result(self, task: Task, check: Check) -> Problems | list[Row]:
         configuration = self.plan.configurations[task.case]
         if task.kind == "record":
             under = treated(configuration, RECORDED_UNDER[task.argument % len(RECORDED_UNDER)])
-            return record(under.model_copy(update={"seed": task.argument}), self.plan.recorded_a_run)
+            return record(under.model_copy(update={"seed": task.argument}), self.plan.recorded_a_run, check)
         if task.kind == "loop":
             assert task.pair is not None
-            return [run_treated(configuration.model_copy(update={"seed": task.argument}), task.pair)]
+            return [run_treated(configuration.model_copy(update={"seed": task.argument}), task.pair, check)]
         problems = load_problems(problems_file(self.folder, configuration.name))
         if task.kind == "best":
-            return best_chunk(configuration, problems, task.argument, _searchers())
+            return best_chunk(configuration, problems, task.argument, _searchers(), check)
         if task.kind == "sweep":
-            return solve_sweep(configuration, problems, task.argument)
+            return solve_sweep(configuration, problems, task.argument, check)
         assert task.pair is not None
         mode, numbers = task.argument
-        return solve_chunk(configuration, problems, numbers, task.pair, mode)
+        return solve_chunk(configuration, problems, numbers, task.pair, mode, check=check)
 
 
 def problems_file(folder: Path, case: str) -> Path:
@@ -101,3 +106,10 @@ def load_problems(path: Path) -> Problems:
 def _searchers() -> list[Pair]:
     """Who looks for the best known solutions: the fast solver where there is one."""
     return [Pair(name, COMPILED if find_compiler() else IPOPT) for name in ("hard", "elastic")]
+
+
+def costs(folder: Path) -> dict[str, float]:
+    """Processor time in s of the tasks that were carried out, by name."""
+    path = folder / COSTS
+    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+    return {name: float(seconds) for name, _, seconds in (line.rpartition(" ") for line in lines)}

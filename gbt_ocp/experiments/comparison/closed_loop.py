@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gbt_ocp.experiments.build import build_loop
+from gbt_ocp.experiments.comparison.problems import Check, unasked
 from gbt_ocp.experiments.comparison.treatments import Pair, kept_planner, treated
 from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.experiments.result import FALLBACKS, History, installed_versions, summarise
@@ -20,8 +21,10 @@ SETTLING_S = 2.0
 """Time from which errors and condition numbers count as settled."""
 
 
-def run_treated(configuration: Configuration, pair: Pair) -> Row:
+def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked) -> Row:
     """One run, in which the planner answers for its solver as ever: it checks, tightens and falls back.
+
+    ``check`` is called after each step.
 
     Returns
     -------
@@ -32,7 +35,7 @@ def run_treated(configuration: Configuration, pair: Pair) -> Row:
     assert isinstance(loop.guidance, PlannedMotion), "checked before anything runs"
     loop.guidance.planner = kept_planner(configuration, pair)
     began = perf_counter()
-    recording = simulate(loop, start, configuration.duration_s)
+    recording = simulate(loop, start, configuration.duration_s, lambda *_: check())
     history = History(**recording.arrays)  # type: ignore[arg-type]  # names and kinds are checked there
     summary = summarise(
         history,

@@ -14,7 +14,7 @@ from typing import Any
 from tqdm import tqdm
 
 from gbt_ocp.experiments.comparison import summaries
-from gbt_ocp.experiments.comparison.carrying_out import PARTS, PROBLEMS, CarryOut, gather_problems
+from gbt_ocp.experiments.comparison.carrying_out import PARTS, PROBLEMS, CarryOut, costs, gather_problems
 from gbt_ocp.experiments.comparison.plan import Plan, Task, measurements, recordings
 from gbt_ocp.experiments.comparison.tables import Row, read_rows, write_rows
 from gbt_ocp.experiments.comparison.treatments import COMPILED, FORMULATIONS, SOLVERS, chosen_pairs, described
@@ -105,11 +105,12 @@ def compare(
     plan = _planned(configurations, formulations, solvers, runs, problems, list(overrides))
     folder = _folder(plan, out)
     with _progress(progress) as bar:
-        _carry_out(recordings(plan), plan, folder, jobs, bar)
-        sizes = gather_problems(plan, folder)
-        tasks = measurements(plan, sizes)
+        first = recordings(plan)
+        _carry_out(first, plan, folder, jobs, bar)
+        tasks = measurements(plan, gather_problems(plan, folder))
         _carry_out(tasks, plan, folder, jobs, bar)
     tables = _tables(plan, folder, tasks)
+    tables["costs"] = summaries.costs([*first, *tasks], costs(folder))
     (folder / TABLES).mkdir(exist_ok=True)
     for name, rows in tables.items():
         write_rows(folder / TABLES / f"{name}.csv", rows)
@@ -199,8 +200,9 @@ def _carry_out(tasks: list[Task], plan: Plan, folder: Path, jobs: int | None, ba
                 bar.set_postfix_str(re.sub(r"\.\w+$", "", task.name), refresh=False)
                 bar.update()
     except KeyboardInterrupt as fault:
+        kept = sum(not path.name.startswith(".") for path in (folder / PARTS).iterdir())
         raise ComparisonInterruptedError(
-            f"{bar.n} of {bar.total} tasks are finished and kept in {folder}; the same command goes on with them"
+            f"{kept} of {bar.total} tasks are finished and kept in {folder}; the same command goes on with them"
         ) from fault
 
 

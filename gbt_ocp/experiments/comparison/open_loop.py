@@ -6,13 +6,14 @@ the fine grid between them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from time import thread_time
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gbt_ocp.experiments.comparison.problems import Instance, Problems
+from gbt_ocp.experiments.comparison.problems import Check, Instance, Problems, unasked
 from gbt_ocp.experiments.comparison.treatments import Pair, kept_planner
 from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.ocp.plan import ShootingPlan
@@ -76,14 +77,17 @@ def is_possible(instance: Instance, mode: str) -> bool:
 def solve_chunk(
     configuration: Configuration,
     problems: Problems,
-    numbers: range,
+    numbers: Sequence[int],
     pair: Pair,
     mode: str,
     *,
     planner: Any = None,
+    check: Check = unasked,
     **changes: Any,
 ) -> list[Row]:
     """Solve some of the problems with a pair, or with a given planner; ``changes`` replace keys of ``planner``.
+
+    ``check`` is called before each.
 
     Returns
     -------
@@ -98,6 +102,7 @@ def solve_chunk(
         solve(problems[possible[0]], mode)
     rows = []
     for k in possible:
+        check()
         rows.append(
             {
                 "case": configuration.name,
@@ -189,7 +194,9 @@ def held_half_way(trajectory: FlatTrajectory, vehicle: Vehicle, gamma: float) ->
     )
 
 
-def best_chunk(configuration: Configuration, problems: Problems, numbers: range, pairs: list[Pair]) -> list[Row]:
+def best_chunk(
+    configuration: Configuration, problems: Problems, numbers: Sequence[int], pairs: list[Pair], check: Check = unasked
+) -> list[Row]:
     """Look for the best solution of some problems from many starts.
 
     Each pair starts from coasting, from the recorded plan where there is one, and from draws of every scaled unknown
@@ -208,6 +215,7 @@ def best_chunk(configuration: Configuration, problems: Problems, numbers: range,
         for solve in solvers:
             modes = [mode for mode in MODES if is_possible(instance, mode)]
             answers = [solve(instance, mode) for mode in modes]
+            check()
             for _ in range(STARTS - len(modes)):
                 answers.append(solve.start_from(rng.uniform(-1.0, 1.0, solve.shape), instance))
             found += [one["objective"] for one in answers if one["solved"] and one["violation_between"] <= KEPT]

@@ -8,16 +8,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from gbt_ocp.experiments.comparison.open_loop import MODES
 from gbt_ocp.experiments.comparison.sensitivity import sweeps
-from gbt_ocp.experiments.comparison.treatments import COMPILED, FORMULATIONS, IPOPT, Pair
+from gbt_ocp.experiments.comparison.treatments import COMPILED, FORMULATIONS, IPOPT, Pair, Share
 from gbt_ocp.experiments.configuration import Configuration
 
 FORMAT = 1
 """Version of ``comparison.json``."""
 
-CHUNK = 50
-"""Problems a task: small enough to lose little in an interruption, large enough to build a solver for."""
+CHUNK = 25
+"""Problems a task: small enough to lose little in an interruption, large enough to build a solver for. They are drawn
+from all problems, so that some of the chunks stand for all of them."""
 
 RANDOM_SHARE = 0.25
 """Random problems beside each recorded one."""
@@ -71,9 +74,26 @@ class Plan:
         """Random problems of each experiment."""
         return max(1, round(RANDOM_SHARE * self.problems))
 
-    def seeds(self, pair: Pair) -> int:
-        """Seeds that a pair gets in closed loop: all of them, or as large a share as its solves are fast."""
-        return max(1, round(self.runs * FORMULATIONS[pair.formulation].shares.get(pair.solver, 1.0)))
+    def seeds(self, pair: Pair, case: int) -> int:
+        """Seeds that a pair gets in closed loop of an experiment."""
+        share = share_of(pair)
+        return max(1, round(self.runs * share.seeds)) if share.everywhere or case == 0 else 0
+
+
+def share_of(pair: Pair) -> Share:
+    """Which share of the work a pair gets."""
+    return FORMULATIONS[pair.formulation].shares.get(pair.solver, Share())
+
+
+def chunks(size: int, share: float = 1.0) -> Iterator[tuple[int, list[int]]]:
+    """Numbered chunks of so many problems, or of a share of them; each chunk is a random sample of all problems.
+
+    The smaller share is part of the larger one, and the chunks are the same for all pairs.
+    """
+    shuffled = np.random.default_rng(0).permutation(size)
+    parts = np.array_split(shuffled, math.ceil(size / CHUNK))
+    for number in range(max(1, round(share * len(parts)))):
+        yield number, sorted(parts[number].tolist())
 
 
 @dataclass(frozen=True)
@@ -120,7 +140,7 @@ def _loops(plan: Plan, solver: str) -> Iterator[Task]:
     for case, configuration in enumerate(plan.configurations):
         for pair in plan.pairs:
             if pair.solver == solver:
-                for seed in range(plan.seeds(pair)):
+                for seed in range(plan.seeds(pair, case)):
                     name = f"loop-{configuration.name}-{pair.formulation}-{pair.solver}-{seed}.csv"
                     yield Task("loop", name, case, pair, seed)
 
@@ -136,14 +156,12 @@ def _solves(plan: Plan, sizes: Sequence[int]) -> Iterator[Task]:
     for case, configuration in enumerate(plan.configurations):
         for pair in plan.pairs:
             for mode in MODES:
-                for first in range(0, sizes[case], CHUNK):
-                    name = f"solve-{configuration.name}-{pair.formulation}-{pair.solver}-{mode}-{first}.csv"
-                    chunk = range(first, min(first + CHUNK, sizes[case]))
+                for number, chunk in chunks(sizes[case], share_of(pair).problems):
+                    name = f"solve-{configuration.name}-{pair.formulation}-{pair.solver}-{mode}-{number}.csv"
                     yield Task("solve", name, case, pair, (mode, chunk))
 
 
 def _bests(plan: Plan, sizes: Sequence[int]) -> Iterator[Task]:
     for case, configuration in enumerate(plan.configurations):
-        for first in range(0, sizes[case], CHUNK):
-            chunk = range(first, min(first + CHUNK, sizes[case]))
-            yield Task("best", f"best-{configuration.name}-{first}.csv", case, argument=chunk)
+        for number, chunk in chunks(sizes[case]):
+            yield Task("best", f"best-{configuration.name}-{number}.csv", case, argument=chunk)

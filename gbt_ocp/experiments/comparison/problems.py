@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,14 @@ from gbt_ocp.simulation import simulate
 from gbt_ocp.tracking.protocol import Forecast
 
 Array = NDArray[np.float64]
+
+Check = Callable[[], None]
+"""Called between two solves; raises ``KeyboardInterrupt`` if Ctrl-C was pressed."""
+
+
+def unasked() -> None:
+    """The check where nobody can interrupt."""
+
 
 RECORDED, RANDOM = "recorded", "random"
 """Where a problem comes from."""
@@ -153,7 +162,7 @@ class _Witness:
         return self._planner.solve(state, forecast, desired, present=present, **data)
 
 
-def record(configuration: Configuration, count: int) -> Problems:
+def record(configuration: Configuration, count: int, check: Check = unasked) -> Problems:
     """Problems of one closed-loop run: its first steps, and the rest spread evenly over the run.
 
     Parameters
@@ -162,6 +171,8 @@ def record(configuration: Configuration, count: int) -> Problems:
         Of the run; its seed names the run.
     count
         How many, at most as many as the run has steps.
+    check
+        Called after each step.
     """
     loop, start = build.build_loop(configuration)
     guidance = loop.guidance
@@ -169,7 +180,7 @@ def record(configuration: Configuration, count: int) -> Problems:
     assert isinstance(guidance.planner, Planner), "configurations name no other"
     witness = _Witness(guidance.planner)
     guidance.planner = witness  # type: ignore[assignment]  # it answers like the planner
-    simulate(loop, start, configuration.duration_s)
+    simulate(loop, start, configuration.duration_s, lambda *_: check())
     steps = len(witness.asked)
     early = min(START_UP, count // 4)
     spread = np.linspace(early, steps - 1, max(min(count, steps) - early, 1)).round().astype(int)

@@ -10,7 +10,7 @@ import numpy as np
 
 from gbt_ocp.experiments.build import build_problem, build_vehicle
 from gbt_ocp.experiments.comparison.open_loop import MODES, solve_chunk
-from gbt_ocp.experiments.comparison.problems import RANDOM, RECORDED, Problems
+from gbt_ocp.experiments.comparison.problems import RANDOM, RECORDED, Check, Problems, unasked
 from gbt_ocp.experiments.comparison.treatments import COMPILED, IPOPT, Pair, StagedPenalty, treated
 from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.ocp.planner import Planner
@@ -27,7 +27,7 @@ NODES = (1, 2, 4, 8, 20)
 FORMS = {"penalty": "printed", "elastic": "elastic"}
 """Formulations that are swept over ϖ, w_p and units with IPOPT, and how IPOPT is told the penalty in each."""
 
-PROBLEMS = 10
+PROBLEMS = 4
 """Problems of a configuration on which IPOPT is swept, half recorded and half random; the compiled solver takes all."""
 
 
@@ -65,13 +65,15 @@ def sweeps(configuration: Configuration, pairs: list[Pair]) -> Iterator[Sweep]:
                 )
                 yield Sweep(swept, Pair(formulation, IPOPT), told)
     for formulation in ("elastic", "hard", "exchange"):
-        pair = next((one for one in (Pair(formulation, COMPILED), Pair(formulation, IPOPT)) if one in pairs), None)
+        # exchange, compiled, would have a ladder of solvers generated for every value
+        solvers = (IPOPT, COMPILED) if formulation == "exchange" else (COMPILED, IPOPT)
+        pair = next((Pair(formulation, one) for one in solvers if Pair(formulation, one) in pairs), None)
         if pair is not None:
             yield Sweep("gamma", pair, tuple((f"{g:g}", (("gamma", g),)) for g in GAMMAS))
             yield Sweep("nodes", pair, tuple((f"{n}", (("nodes", n),)) for n in NODES))
 
 
-def solve_sweep(configuration: Configuration, problems: Problems, sweep: Sweep) -> list[Row]:
+def solve_sweep(configuration: Configuration, problems: Problems, sweep: Sweep, check: Check = unasked) -> list[Row]:
     """Solve a sample at every point of a sweep, cold and warm; one row a solve."""
     some = sample(problems, sweep.pair)
     rows, planner, units = [], None, None
@@ -91,7 +93,9 @@ def solve_sweep(configuration: Configuration, problems: Problems, sweep: Sweep) 
             solver.stages = [[(soft.width, soft.weight) for soft in problem.penalties]]
         for mode in MODES:
             chunk = range(len(some))
-            found = solve_chunk(configuration, some, chunk, sweep.pair, mode, planner=planner, **dict(changes))
+            found = solve_chunk(
+                configuration, some, chunk, sweep.pair, mode, planner=planner, check=check, **dict(changes)
+            )
             rows += [{"swept": sweep.swept, "value": value, **kink, **row} for row in found]
     return rows
 
@@ -103,5 +107,8 @@ def sample(problems: Problems, pair: Pair) -> Problems:
     numbers: list[int] = []
     for origin in (RECORDED, RANDOM):
         there = np.flatnonzero(problems.origin == origin)
-        numbers += there[np.linspace(0, len(there) - 1, min(PROBLEMS // 2, len(there))).round().astype(int)].tolist()
+        count = min(PROBLEMS // 2, len(there))
+        # inside: the very first one is the first step of a run, which has no plan before it
+        inside = np.linspace(0, len(there) - 1, count + 2)[1:-1]
+        numbers += there[inside.round().astype(int)].tolist()
     return problems.subset(np.array(sorted(set(numbers))))

@@ -34,7 +34,7 @@ def interval(values: ArrayLike, clusters: Sequence[Any], statistic: str) -> tupl
 
     Returns
     -------
-    The statistic and the ends of its 95 % interval; NaN without values, equal ends with a single run.
+    The statistic and the ends of its 95 % interval; NaN without values; with a single run the ends are NaN.
     """
     data = np.asarray(values, dtype=float)
     finite = np.isfinite(data)
@@ -45,7 +45,7 @@ def interval(values: ArrayLike, clusters: Sequence[Any], statistic: str) -> tupl
     centre = float(apply(data))
     names, index = np.unique(np.array([str(label) for label in labels]), return_inverse=True)
     if len(names) < 2:
-        return centre, centre, centre
+        return centre, np.nan, np.nan
     table = np.full((len(names), int(np.bincount(index).max())), np.nan)
     seen = np.zeros(len(names), dtype=int)
     for row, value in zip(index, data, strict=True):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from gbt_ocp.experiments.comparison.open_loop import KEPT
+from gbt_ocp.experiments.comparison.plan import Task
 from gbt_ocp.experiments.comparison.statistics import interval
 from gbt_ocp.experiments.comparison.tables import Row, column, grouped
 from gbt_ocp.experiments.comparison.treatments import Pair
@@ -92,10 +93,7 @@ def paired(solves: list[Row], pairs: Sequence[Pair]) -> list[Row]:
     """Table ``paired``: differences on the same problem; ratios and objectives where both solved it."""
     table = []
     for key, rows in grouped(solves, *KEYS).items():
-        by_pair = {
-            name: {row["problem"]: row for row in found}
-            for name, found in grouped(rows, "formulation", "solver").items()
-        }
+        by_pair = _by_pair(rows, "problem")
         for pair, other in contrasts(pairs):
             mine = by_pair.get((pair.formulation, pair.solver), {})
             theirs = by_pair.get((other.formulation, other.solver), {})
@@ -141,7 +139,10 @@ _LOOP_SUMS = (
 
 
 def closed_loop(loops: list[Row]) -> list[Row]:
-    """Table ``closed_loop``: each pair over its seeds; means but for maxima and counts."""
+    """Table ``closed_loop``: each pair over its seeds; means but for maxima and counts.
+
+    Seeds whose error is not a number are counted as ``astray``; means are over the others.
+    """
     table = []
     for key, rows in grouped(loops, "case", "formulation", "solver").items():
         error, low, high = interval(column(rows, "error_settled"), [row["run"] for row in rows], "mean")
@@ -149,12 +150,13 @@ def closed_loop(loops: list[Row]) -> list[Row]:
             {
                 **dict(zip(("case", "formulation", "solver"), key, strict=True)),
                 "runs": len(rows),
+                "astray": sum(not math.isfinite(value) for value in column(rows, "error_settled")),
                 **{name: _of(np.nanmean, column(rows, name)) for name in _LOOP_NUMBERS},
                 "error_settled": error,
                 "error_settled_low": low,
                 "error_settled_high": high,
-                "error_settled_worst": max(column(rows, "error_settled")),
-                "violation_max": max(column(rows, "violation_max")),
+                "error_settled_worst": _worst(column(rows, "error_settled")),
+                "violation_max": _worst(column(rows, "violation_max")),
                 "steps": sum(row["steps"] + 1 for row in rows),
                 **{name: sum(row[name] for row in rows) for name in _LOOP_SUMS},
             }
@@ -169,9 +171,7 @@ def closed_loop_paired(loops: list[Row], pairs: Sequence[Pair]) -> list[Row]:
     )
     table = []
     for (case,), rows in grouped(loops, "case").items():
-        by_pair = {
-            name: {row["run"]: row for row in found} for name, found in grouped(rows, "formulation", "solver").items()
-        }
+        by_pair = _by_pair(rows, "run")
         base = by_pair.get((reference.formulation, reference.solver), {})
         for pair in pairs:
             mine = by_pair.get((pair.formulation, pair.solver), {})
@@ -207,6 +207,28 @@ def sensitivity(sweeps: list[Row]) -> list[Row]:
     return table
 
 
+_WORK = {
+    "record": "problems recorded",
+    "loop": "closed loops",
+    "sweep": "sweeps",
+    "solve": "open loop",
+    "best": "best known solutions",
+}
+"""What the kinds of tasks are called, in the order in which they begin."""
+
+
+def costs(tasks: Sequence[Task], seconds: Mapping[str, float]) -> list[Row]:
+    """Table ``costs``: processor time of the tasks, compilation of solvers left out (it is done by other processes)."""
+    found: dict[tuple[str, str, str], list[float]] = {}
+    for task in tasks:
+        pair = (task.pair.formulation, task.pair.solver) if task.pair else ("", "")
+        found.setdefault((task.kind, *pair), []).append(seconds.get(task.name, math.nan))
+    return [
+        {"work": _WORK[kind], "formulation": name, "solver": solver, "tasks": len(each), "core_s": float(np.sum(each))}
+        for (kind, name, solver), each in sorted(found.items(), key=lambda item: list(_WORK).index(item[0][0]))
+    ]
+
+
 def _by_pair(rows: list[Row], key: str) -> dict[tuple[str, str], dict[int, Row]]:
     """Rows of each pair by a column that numbers them."""
     found = grouped(rows, "formulation", "solver").items()
@@ -215,6 +237,11 @@ def _by_pair(rows: list[Row], key: str) -> dict[tuple[str, str], dict[int, Row]]
 
 def _number(value: Any) -> float:
     return np.nan if value is None else float(value)
+
+
+def _worst(values: list[float]) -> float:
+    """The largest, which is no number if any is none: a run that went astray must not make the others' the worst."""
+    return max(values) if all(map(math.isfinite, values)) else math.nan
 
 
 def _of(statistic: Any, values: list[float]) -> float:

@@ -1,0 +1,305 @@
+"""The comparison of treatments from problems to report, on runs of seconds."""
+
+import csv
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import gbt_ocp as gbt
+from gbt_ocp import cli
+from gbt_ocp.experiments.comparison import compare as comparing
+from gbt_ocp.experiments.comparison import plan, sensitivity, treatments
+from gbt_ocp.experiments.comparison.carrying_out import CarryOut
+from gbt_ocp.experiments.comparison.open_loop import solve_chunk
+from gbt_ocp.experiments.comparison.problems import Problems, draw, record
+from gbt_ocp.experiments.comparison.treatments import COMPILED, IPOPT, Formulation, Pair, make_planner, treated
+from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.ocp.codegen.building import find_compiler
+from gbt_ocp.ocp.soft import SoftIpoptSolver
+from gbt_ocp.ocp.solvers import Solution
+
+needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+
+SHORT = ["duration_s=2.4", "planner.pieces=3"]
+CLOCKS = {"time_ms", "core_s", "wall_s", "solver_time_median_ms", "solver_time_max_ms"}
+
+
+@pytest.fixture(scope="module")
+def few():
+    """The sweeps with few values: each costs a solver."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sensitivity, "WIDTHS", (0.1, 0.001))
+        patch.setattr(sensitivity, "WEIGHTS", (100.0,))
+        patch.setattr(sensitivity, "GAMMAS", (0.9, 0.98))
+        patch.setattr(sensitivity, "NODES", (1, 4))
+        patch.setattr(sensitivity, "PROBLEMS", 2)
+        patch.setattr("gbt_ocp.experiments.comparison.open_loop.STARTS", 3)
+        yield
+
+
+@pytest.fixture(scope="module")
+def done(few, tmp_path_factory):
+    """IPOPT alone, so that it runs where there is no compiler."""
+    folder = tmp_path_factory.mktemp("comparison") / "ipopt"
+    return gbt.compare(
+        "case2", formulations=["penalty", "elastic", "hard", "exchange"], solvers=["ipopt"], runs=2, problems=6,
+        overrides=SHORT, out=folder, jobs=1,
+    )  # fmt: skip
+
+
+def rows(folder, name):
+    with (folder / "tables" / f"{name}.csv").open(newline="", encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_every_pair_solves_every_problem_in_every_mode(done):
+    assert isinstance(done, gbt.Comparison)
+    problems = Problems.load(done.folder / "problems" / "case2.npz")
+    recorded, drawn = (int(np.sum(problems.origin == origin)) for origin in ("recorded", "random"))
+    assert (recorded, drawn) == (6, 2)
+    known = sum(problems[k].previous is not None for k in range(len(problems)))
+    assert 0 < known < recorded  # the first step of a run has no plan before it
+    seen = {}
+    for row in rows(done.folder, "solves"):
+        seen.setdefault((row["formulation"], row["mode"]), []).append(int(row["problem"]))
+    for pair in done.plan.pairs:
+        assert sorted(seen[pair.formulation, "cold"]) == list(range(8))
+        assert len(seen[pair.formulation, "warm"]) == known
+    assert {row["seed"] if "seed" in row else row["run"] for row in rows(done.folder, "runs")} >= {"0"}
+
+
+def test_best_known_solutions_are_not_beaten_by_what_keeps_the_limits(done):
+    for row in rows(done.folder, "solves"):
+        if row["kept"] == "1":
+            assert float(row["gap"]) >= -1e-12
+            assert float(row["violation_between"]) <= 1e-6
+
+
+def test_the_report_shows_the_tables_and_the_verdict(done):
+    text = (done.folder / "report.md").read_text(encoding="utf-8")
+    assert (done.folder / "verdict.txt").read_text(encoding="utf-8").splitlines() == done.verdict
+    for sentence in done.verdict:
+        assert f"- {sentence}" in text
+        for named in re.findall(r"\(table ([a-z_]+)\)", sentence):
+            assert f"## Table {named}" in text
+            assert done.tables[named]
+    page = (done.folder / "report.html").read_text(encoding="utf-8")
+    figures = sorted(path.name for path in (done.folder / "figures").glob("*.png"))
+    assert len(figures) >= 7
+    for name in figures:
+        assert f"figures/{name}" in text
+        assert f'src="figures/{name}"' in page
+    assert page.count("<table>") == sum(line.startswith(("| ---", "|---")) for line in text.split("\n"))
+    # why a pair does not exist stands in the table of formulations
+    assert "none: the kernel is told the kinks as inequalities" in text
+
+
+def test_the_costs_are_those_of_all_tasks(done):
+    costs = rows(done.folder, "costs")
+    assert sum(int(row["tasks"]) for row in costs) == len(list((done.folder / "parts").iterdir()))
+    assert all(float(row["core_s"]) > 0.0 for row in costs)
+
+
+def comparable(folder):
+    """Every table without what a clock measured."""
+    found = {}
+    for path in sorted((folder / "tables").glob("*.csv")):
+        if path.stem in ("solves", "runs", "best_known"):
+            found[path.stem] = [{k: v for k, v in row.items() if k not in CLOCKS} for row in rows(folder, path.stem)]
+    return found
+
+
+def test_an_interrupted_comparison_goes_on_where_it_stopped(done, few, tmp_path, monkeypatch):
+    wanted = {
+        "formulations": ["penalty", "elastic", "hard", "exchange"], "solvers": ["ipopt"], "runs": 2, "problems": 6,
+        "overrides": SHORT, "out": tmp_path / "again", "jobs": 1,
+    }  # fmt: skip
+    carried = []
+    whole = CarryOut.__call__
+
+    def counted(self, task):
+        carried.append(task.name)
+        if len(carried) == 9:
+            raise KeyboardInterrupt
+        return whole(self, task)
+
+    monkeypatch.setattr(CarryOut, "__call__", counted)
+    with pytest.raises(comparing.ComparisonInterruptedError, match=r"8 of \d+ tasks are finished and kept"):
+        gbt.compare("case2", **wanted)
+    finished = carried[:8]
+    assert sorted(path.name for path in (tmp_path / "again" / "parts").iterdir()) == sorted(finished)
+    again = gbt.compare("case2", **wanted)
+    assert not set(finished) & set(carried[9:])
+    assert comparable(again.folder) == comparable(done.folder)
+    carried.clear()
+    gbt.compare("case2", **wanted)
+    assert carried == []
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends a signal")
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_ctrl_c_keeps_what_is_finished(tmp_path, jobs):
+    command = [
+        sys.executable, "-m", "gbt_ocp.cli", "compare", "case2", "--formulations", "hard", "--solvers", "ipopt",
+        "--runs", "2", "--problems", "4", "--set", "duration_s=6", "--out", str(tmp_path / "out"), "--jobs", jobs,
+    ]  # fmt: skip
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    parts = tmp_path / "out" / "parts"
+    patience = time.monotonic() + 120.0
+    while not (parts.is_dir() and list(parts.glob("record-*"))):
+        assert time.monotonic() < patience
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    out, told = process.communicate(timeout=120)
+    assert process.returncode == cli.INTERRUPTED, told
+    assert "Traceback" not in told
+    assert re.search(r"^interrupted: \d+ of \d+ tasks are finished and kept in .*out; the same command", told, re.M)
+    assert out == ""
+    assert not (tmp_path / "out" / "report.md").exists()
+    assert not list(parts.glob(".*"))
+
+
+class Fails:
+    """A solver that never succeeds."""
+
+    name = IPOPT
+
+    def __init__(self, problem):
+        self.problem = problem
+
+    def solve(self, start, objectives, guess, *, cold, tightening=0.0, limits=()):
+        return Solution(np.full_like(guess, np.nan), False, "Maximum_Iterations_Exceeded", 300)
+
+
+def test_a_formulation_that_fails_is_shown_failing(few, tmp_path, monkeypatch):
+    failing = Formulation("never solves", False, {IPOPT: treatments._planner(Fails)})
+    kept = {"hard": treatments.FORMULATIONS["hard"], "failing": failing}
+    monkeypatch.setattr(treatments, "FORMULATIONS", kept)
+    monkeypatch.setattr(plan, "FORMULATIONS", kept)
+    monkeypatch.setattr("gbt_ocp.reporting.comparison_figures.COLOURS", {"hard": "k", "failing": "r"})
+    found = gbt.compare(
+        "case2", formulations=kept, solvers=[IPOPT], runs=1, problems=2, overrides=["duration_s=0.6"],
+        out=tmp_path / "out", jobs=1,
+    )  # fmt: skip
+    mine = [row for row in found.tables["open_loop"] if row["formulation"] == "failing"]
+    assert sum(row["problems"] for row in mine) == 2 + 1 + 1  # cold, random, and the one with a plan before it
+    assert all((row["solved"], row["kept"], row["iterations_median"]) == (0, 0, 300.0) for row in mine)
+    (loop,) = [row for row in found.tables["closed_loop"] if row["formulation"] == "failing"]
+    # the first step has nothing to fall back to but braking
+    assert loop["fallbacks_braking"] >= 1
+    assert sum(loop[f"fallbacks_{word}"] for word in ("shifted", "cold", "braking")) == loop["steps"]
+    assert "failing, ipopt: solved no problem" in " ".join(found.verdict)
+    assert "failing | ipopt | 0 of " in (found.folder / "report.md").read_text(encoding="utf-8")
+
+
+@needs_compiler
+def test_recorded_problems_are_those_of_the_run():
+    configuration = treated(load_config("case2", SHORT), "hard", solver="compiled")
+    history = gbt.run(configuration).history
+    problems = record(configuration, 8)
+    steps = np.round(problems.time / 0.1).astype(int)
+    assert np.all(problems.origin == "recorded")
+    assert steps[0] == 0
+    assert steps[-1] == len(history.t) - 1
+    assert np.array_equal(problems.start[:, 0], history.vehicle_pose[steps])
+    assert np.array_equal(problems.mean, history.forecast_mean[steps, : problems.mean.shape[1]])
+    # solved warm by the treatment that the run was under, each gives the plan of the run
+    planner = make_planner(configuration, Pair("hard", COMPILED))
+    for number, step in enumerate(steps[1:], start=1):
+        instance = problems[number]
+        planner.previous = instance.previous
+        plan = planner.solve(instance.start, **instance.data)
+        assert plan.trajectory.knots[1:, 0] == pytest.approx(history.plan[step], abs=1e-12)
+
+
+def test_random_problems_depend_on_the_seed_alone():
+    configuration = load_config("case5", ["planner.pieces=3"])
+    first, again = draw(configuration, 5), draw(configuration, 5)
+    assert np.array_equal(first.start, again.start)
+    assert np.array_equal(first.covariance, again.covariance)
+    assert np.all(np.linalg.eigvalsh(first.covariance) > 0.0)
+    other = draw(configuration.model_copy(update={"seed": 1}), 5)
+    assert not np.array_equal(first.start, other.start)
+    assert all(first[k].previous is None for k in range(5))
+
+
+def test_problems_survive_their_file(tmp_path):
+    problems = draw(load_config("case2", SHORT), 3)
+    problems.save(tmp_path / "x.npz")
+    again = Problems.load(tmp_path / "x.npz")
+    assert np.array_equal(again.desired, problems.desired)
+    assert again[1].previous is None
+    assert [path.name for path in tmp_path.iterdir()] == ["x.npz"]
+
+
+def test_units_of_the_penalty_are_units_only():
+    configuration = load_config("case2", [*SHORT, "planner.formulation=penalty"])
+    pair = Pair("elastic", IPOPT)
+    swept = {sweep.swept: sweep for sweep in sensitivity.sweeps(configuration, [pair])}
+    assert set(swept) >= {"width", "weight", "units", "gamma", "nodes"}
+    name, changes = swept["units"].points[0]
+    assert name == "newton, width 50 N, weight 0.2"
+    # the yaw axis has another limit, so that only problems without yaw thrust on the kink agree to the last digit
+    problems = draw(configuration, 4)
+    plain = solve_chunk(configuration, problems, range(4), pair, "cold")
+    newton = solve_chunk(configuration, problems, range(4), pair, "cold", **dict(changes))
+    assert [row["solved"] for row in plain + newton] == [1] * 8
+    assert [row["objective"] for row in newton] == pytest.approx([row["objective"] for row in plain], abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        (["case2", "--formulations", "hard,best"], "--formulations: found 'best'; allowed: penalty, "),
+        (["case2", "--solvers", "snopt"], "--solvers: found 'snopt'; allowed: ipopt, compiled"),
+        (["case2", "--formulations", "penalty", "--solvers", "compiled"], "found no pair of penalty with compiled"),
+        (["case2", "case2"], "name: found 'case2' twice; allowed: distinct names"),
+        (["case2", "--set", "guidance.kind=static"], "guidance.kind: found 'static'; allowed: planner"),
+        (["nowhere"], "nowhere"),
+        (["case2", "--runs", "0"], "--runs"),
+    ],
+)
+def test_wrong_input_is_refused_in_one_line(asked, told, tmp_path, capsys):
+    try:
+        code = cli.main(["compare", *asked, "--out", str(tmp_path / "out")])
+    except SystemExit as stopped:  # what the parser itself refuses
+        code = stopped.code
+    assert code == cli.WRONG_INPUT
+    error = capsys.readouterr().err
+    assert told in error
+    assert "Traceback" not in error
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_of_something_else_is_left_alone(done, few, tmp_path):
+    (tmp_path / "mine.txt").write_text("dear diary")
+    with pytest.raises(gbt.ConfigurationError, match="not an empty folder"):
+        gbt.compare("case2", out=tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+    before = (done.folder / "comparison.json").read_bytes()
+    with pytest.raises(gbt.ConfigurationError, match="holds another comparison"):
+        gbt.compare("case2", solvers=["ipopt"], runs=1, out=done.folder)
+    assert (done.folder / "comparison.json").read_bytes() == before
+    assert json.loads(before)["problems"] == 6
+
+
+def test_the_command_line_names_all_treatments():
+    assert ", ".join(treatments.FORMULATIONS) == cli.COMPARED
+
+
+def test_soft_limits_and_shooting_answer_the_same_questions(tmp_path):
+    configuration = load_config("case2", SHORT)
+    problems = draw(configuration, 2)
+    for pair in (Pair("soft", IPOPT), Pair("shooting", IPOPT), Pair("continuation", IPOPT)):
+        found = solve_chunk(configuration, problems, range(2), pair, "cold")
+        assert [row["solved"] for row in found] == [1, 1]
+        assert max(row["violation_between"] for row in found) < 0.05
+    assert SoftIpoptSolver.name == IPOPT
