@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import gbt_ocp as gbt
-from gbt_ocp import cli
+from gbt_ocp import arguments, cli
 from gbt_ocp.experiments.comparison import compare as comparing
 from gbt_ocp.experiments.comparison import plan, sensitivity, treatments
 from gbt_ocp.experiments.comparison.carrying_out import CarryOut
@@ -24,10 +24,11 @@ from gbt_ocp.experiments.loading import load_config
 from gbt_ocp.ocp.codegen.building import find_compiler
 from gbt_ocp.ocp.soft import SoftIpoptSolver
 from gbt_ocp.ocp.solvers import Solution
+from gbt_ocp.reporting.comparison_figures import COLOURS
 
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
-SHORT = ["duration_s=2.4", "planner.pieces=3"]
+SHORT = ["duration_s=2.1", "planner.pieces=2"]
 CLOCKS = {"time_ms", "core_s", "wall_s", "solver_time_median_ms", "solver_time_max_ms"}
 
 
@@ -107,6 +108,17 @@ def test_the_costs_are_those_of_all_tasks(done):
     assert all(float(row["core_s"]) > 0.0 for row in costs)
 
 
+def test_settings_are_the_sweeps_of_all_configurations_together(done):
+    pooled, single = rows(done.folder, "settings"), rows(done.folder, "sensitivity")
+    assert sum(int(row["problems"]) for row in pooled) == sum(int(row["problems"]) for row in single)
+    assert {row["swept"] for row in pooled} == {"width", "weight", "units", "gamma", "nodes"}
+    (narrow,) = [
+        row for row in pooled if (row["formulation"], row["swept"], row["value"]) == ("penalty", "width", "0.001")
+    ]
+    # ϖ τ_max T²/M with the inertia of sway, the larger one
+    assert float(narrow["kink_mm"]) == pytest.approx(1e3 * 0.001 * 5000.0 * 0.1**2 / 593.2, rel=0.02)
+
+
 def comparable(folder):
     """Every table without what a clock measured."""
     found = {}
@@ -116,30 +128,33 @@ def comparable(folder):
     return found
 
 
-def test_an_interrupted_comparison_goes_on_where_it_stopped(done, few, tmp_path, monkeypatch):
-    wanted = {
-        "formulations": ["penalty", "elastic", "hard", "exchange"], "solvers": ["ipopt"], "runs": 2, "problems": 6,
-        "overrides": SHORT, "out": tmp_path / "again", "jobs": 1,
-    }  # fmt: skip
+def test_an_interrupted_comparison_goes_on_where_it_stopped(few, tmp_path, monkeypatch):
+    def asked(name):
+        return gbt.compare(
+            "case2", formulations=["hard"], solvers=["ipopt"], runs=2, problems=4,
+            overrides=["duration_s=0.8", "planner.pieces=2"], out=tmp_path / name, jobs=1,
+        )  # fmt: skip
+
+    done = asked("whole")
     carried = []
     whole = CarryOut.__call__
 
     def counted(self, task):
         carried.append(task.name)
-        if len(carried) == 9:
+        if len(carried) == 6:
             raise KeyboardInterrupt
         return whole(self, task)
 
     monkeypatch.setattr(CarryOut, "__call__", counted)
-    with pytest.raises(comparing.ComparisonInterruptedError, match=r"8 of \d+ tasks are finished and kept"):
-        gbt.compare("case2", **wanted)
-    finished = carried[:8]
+    with pytest.raises(comparing.ComparisonInterruptedError, match=r"5 of \d+ tasks are finished and kept"):
+        asked("again")
+    finished = carried[:5]
     assert sorted(path.name for path in (tmp_path / "again" / "parts").iterdir()) == sorted(finished)
-    again = gbt.compare("case2", **wanted)
-    assert not set(finished) & set(carried[9:])
+    again = asked("again")
+    assert not set(finished) & set(carried[6:])
     assert comparable(again.folder) == comparable(done.folder)
     carried.clear()
-    gbt.compare("case2", **wanted)
+    asked("again")
     assert carried == []
 
 
@@ -181,12 +196,12 @@ class Fails:
 
 def test_a_formulation_that_fails_is_shown_failing(few, tmp_path, monkeypatch):
     failing = Formulation("never solves", False, {IPOPT: treatments._planner(Fails)})
-    kept = {"hard": treatments.FORMULATIONS["hard"], "failing": failing}
+    kept = {**treatments.FORMULATIONS, "failing": failing}
     monkeypatch.setattr(treatments, "FORMULATIONS", kept)
     monkeypatch.setattr(plan, "FORMULATIONS", kept)
-    monkeypatch.setattr("gbt_ocp.reporting.comparison_figures.COLOURS", {"hard": "k", "failing": "r"})
+    monkeypatch.setitem(COLOURS, "failing", "black")
     found = gbt.compare(
-        "case2", formulations=kept, solvers=[IPOPT], runs=1, problems=2, overrides=["duration_s=0.6"],
+        "case2", formulations=["hard", "failing"], solvers=[IPOPT], runs=1, problems=2, overrides=["duration_s=0.6"],
         out=tmp_path / "out", jobs=1,
     )  # fmt: skip
     mine = [row for row in found.tables["open_loop"] if row["formulation"] == "failing"]
@@ -292,7 +307,7 @@ def test_a_folder_of_something_else_is_left_alone(done, few, tmp_path):
 
 
 def test_the_command_line_names_all_treatments():
-    assert ", ".join(treatments.FORMULATIONS) == cli.COMPARED
+    assert ", ".join(treatments.FORMULATIONS) == arguments.COMPARED
 
 
 def test_soft_limits_and_shooting_answer_the_same_questions(tmp_path):

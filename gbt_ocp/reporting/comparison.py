@@ -106,6 +106,9 @@ def report(folder: Path, drawn: Sequence[str] = ()) -> str:
         ),
         "",
     ]
+    pooled = {key: name for key, name in _SENSITIVITY.items() if key not in ("case", "mode")}
+    lines += ["## Table settings", "", "All configurations, cold and warm starts together; the narrowest kink.", ""]
+    lines += [*table(read_table(folder, "settings"), pooled), ""]
     lines += ["## Table sensitivity", ""]
     lines += [*table(read_table(folder, "sensitivity"), _SENSITIVITY), ""]
     costs = read_table(folder, "costs")

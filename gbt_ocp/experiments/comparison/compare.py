@@ -228,6 +228,7 @@ def _tables(plan: Plan, folder: Path, tasks: list[Task]) -> dict[str, list[Row]]
         "paired": summaries.paired(solves, plan.pairs),
         "closed_loop": summaries.closed_loop(loops),
         "closed_loop_paired": summaries.closed_loop_paired(loops, plan.pairs),
+        "settings": summaries.settings(rows("sweep")),
         "sensitivity": summaries.sensitivity(rows("sweep")),
         "solves": solves,
         "runs": loops,

@@ -30,7 +30,7 @@ COLD, WARM = "cold", "warm"
 MODES = (COLD, WARM)
 """Cold starts from coasting, warm ones from the rest of the plan that was made one step before in the recorded run."""
 
-STARTS = 12
+STARTS = 8
 """Guesses a formulation that the best known solution is looked for from, beside all that is solved anyway."""
 
 KEPT = 1.0e-6

@@ -186,15 +186,24 @@ def closed_loop_paired(loops: list[Row], pairs: Sequence[Pair]) -> list[Row]:
 
 def sensitivity(sweeps: list[Row]) -> list[Row]:
     """Table ``sensitivity``: each setting over its sample, cold and warm."""
+    return _settings(sweeps, ("case", "swept", "formulation", "solver", "value", "mode"))
+
+
+def settings(sweeps: list[Row]) -> list[Row]:
+    """Table ``settings``: the same over all configurations, cold and warm starts together."""
+    return _settings(sweeps, ("swept", "formulation", "solver", "value"))
+
+
+def _settings(sweeps: list[Row], keys: tuple[str, ...]) -> list[Row]:
     table = []
-    for key, rows in grouped(sweeps, "case", "swept", "formulation", "solver", "value", "mode").items():
+    for key, rows in grouped(sweeps, *keys).items():
         done = [row for row in rows if row["solved"]]
         between = column(done, "violation_between")
         table.append(
             {
-                **dict(zip(("case", "swept", "formulation", "solver", "value", "mode"), map(str, key), strict=True)),
-                "kink_mm": rows[0]["kink_mm"],
-                "stiffness": rows[0]["stiffness"],
+                **dict(zip(keys, map(str, key), strict=True)),
+                "kink_mm": _of(np.min, column(rows, "kink_mm")),
+                "stiffness": _of(np.max, column(rows, "stiffness")),
                 "problems": len(rows),
                 "solved": len(done),
                 "iterations_mean": _of(np.mean, column(rows, "iterations")),
