@@ -45,7 +45,12 @@ class Curve:
 
 
 def draw_bands(
-    panels: Mapping[str, Mapping[str, Curve]], ylabel: str, *, logarithmic: bool = True, columns: int = 1
+    panels: Mapping[str, Mapping[str, Curve]],
+    ylabel: str,
+    *,
+    logarithmic: bool = True,
+    columns: int = 1,
+    xlabel: str = "time [s]",
 ) -> Figure:
     """Draw curves in panels that share both axes; a label has one look in all of them.
 
@@ -59,6 +64,8 @@ def draw_bands(
         Whether the vertical axis is.
     columns
         Of panels.
+    xlabel
+        What the curves' ``t`` is, with its unit.
 
     Raises
     ------
@@ -86,7 +93,7 @@ def draw_bands(
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
         for axes in grid[-1]:
-            axes.set_xlabel("time [s]")
+            axes.set_xlabel(xlabel)
         for axes in grid[:, 0]:
             axes.set_ylabel(ylabel)
         handles = {

@@ -39,5 +39,6 @@ STUDIES = {
     "fig6": "error over time of all methods, from the runs of tables 2 and 3",
     "fig7": "lengths of window and forecast on cases 1 and 5",
     "fig8": "robustness of cases 3 and 6: noise, missed bearings, outliers, slow sampling, manoeuvres",
+    "fig9": "linear model of coregionalization on cases 2 and 6: error, cross-axis covariance, cost",
 }
 """Studies that exist, in the order of ``all``."""

@@ -90,6 +90,51 @@ def mean_interval(values: ArrayLike, level: float = 0.95) -> Interval:
     )
 
 
+def window_correlation(positions: ArrayLike, window: int) -> Array:
+    """Sample correlation of the coordinates over the latest ``window`` steps.
+
+    Parameters
+    ----------
+    positions
+        ``(K, d)`` in m.
+    window
+        Steps, at least 2.
+
+    Returns
+    -------
+    ``(K, d, d)``; NaN before the window is full, and where a coordinate does not move.
+    """
+    path = np.asarray(positions, dtype=float)
+    found = np.full((len(path), path.shape[1], path.shape[1]), np.nan)
+    if len(path) < window:
+        return found
+    views = np.lib.stride_tricks.sliding_window_view(path, window, axis=0)
+    centred = views - views.mean(axis=2, keepdims=True)
+    covariance = centred @ np.swapaxes(centred, 1, 2)
+    spread = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    scale = spread[:, :, None] * spread[:, None, :]
+    found[window - 1 :] = np.divide(covariance, scale, out=np.full(scale.shape, np.nan), where=scale > 0.0)
+    return found
+
+
+def same_sign(values: ArrayLike, reference: ArrayLike, level: float) -> Array:
+    """Share of the steps with ``|reference| > level`` in which a value has the reference's sign.
+
+    Parameters
+    ----------
+    values, reference
+        ``(runs, K, ...)``; a NaN reference does not count.
+
+    Returns
+    -------
+    ``(runs, ...)``; NaN where no step counts.
+    """
+    v, r = np.asarray(values, dtype=float), np.asarray(reference, dtype=float)
+    clear = np.abs(r) > level
+    right, count = np.sum(clear & (v * r > 0.0), axis=1), np.sum(clear, axis=1)
+    return np.asarray(np.divide(right, count, out=np.full(right.shape, np.nan), where=count > 0))
+
+
 def after_events(t: ArrayLike, values: ArrayLike, events: Sequence[float], first: float, last: float) -> Array:
     """Values of the steps from ``first`` to before ``last`` seconds after any of the events.
 
