@@ -7,9 +7,11 @@ Progress and faults go to standard error, results to standard output. Exit codes
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import sys
+import tempfile
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -79,24 +81,47 @@ def _run(arguments: argparse.Namespace) -> int:
     out: Path | None = arguments.out
     if out is not None and out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise ConfigurationError([f"--out: found {out}, which is not an empty folder; allowed: a new or empty folder"])
+    above = next(one for one in (out or Path("runs")).absolute().parents if one.exists())
+    if not (above.is_dir() and os.access(above, os.W_OK)):
+        raise ConfigurationError(
+            [f"--out: found {out or 'runs'}, which cannot be written below {above}; allowed: a writable folder"]
+        )
 
     # CasADi and SciPy take a second to import, which faults, `schema` and `list` need not wait for.
     from gbt_ocp.experiments.run import run
 
     result = run(configuration, progress=not arguments.quiet)
-    out = out or _new_folder(configuration)
-    try:
-        drawn = _save(result, out, figures=not arguments.no_figures)
-    except OSError as fault:
-        raise ConfigurationError(
-            [f"--out: found {out}, which cannot be written ({fault}); allowed: a writable folder"]
-        ) from fault
+    asked = out or _new_folder(configuration)
+    out, drawn = _save_somewhere(result, asked, figures=not arguments.no_figures)
     _print_summary(result.summary)
     print(f"\n{out}")
-    kept = _limits_kept(result.summary["violation_max"])
+    kept = _limits_kept(result.summary["violation_max"], result.summary["retries"]["clipped"])
+    if arguments.out is not None and out != asked:
+        return WRONG_INPUT
     if not drawn:
         return PROGRAM_FAULT
     return DONE if kept else LIMIT_BROKEN
+
+
+def _save_somewhere(result: Result, out: Path, *, figures: bool) -> tuple[Path, bool]:
+    """Write the run folder where it was asked for, or else where it can be; its place, and whether with its figures.
+
+    A run may have taken long: a folder that another run has filled meanwhile, a full or a read-only disk must not
+    cost its results.
+    """
+    try:
+        return out, _save(result, out, figures=figures)
+    except OSError as fault:
+        taken = isinstance(fault, FileExistsError)
+        elsewhere = _beside(out) if taken else Path(tempfile.mkdtemp(prefix="gbt-ocp-")) / out.name
+        try:
+            drawn = _save(result, elsewhere, figures=figures and taken)
+        except OSError:
+            raise ConfigurationError(
+                [f"--out: found {out}, which cannot be written ({fault}); allowed: a writable folder"]
+            ) from fault
+        print(f"--out: {out} cannot be written ({fault}); the results are in {elsewhere}", file=sys.stderr)
+        return elsewhere, drawn
 
 
 def _save(result: Result, out: Path, *, figures: bool) -> bool:
@@ -115,8 +140,11 @@ def _save(result: Result, out: Path, *, figures: bool) -> bool:
     return True
 
 
-def _limits_kept(violation: float | None) -> bool:
-    """Whether the thrust kept its limits; says so on standard error if not."""
+def _limits_kept(violation: float | None, clipped: int) -> bool:
+    """Whether the thrust kept its limits by plan; says so on standard error if not."""
+    if clipped:
+        print(f"the thrust limits were kept only by clipping, in {clipped} steps", file=sys.stderr)
+        return False
     if violation is None:
         print("the thrust limits count as broken: the thrust is not a finite number", file=sys.stderr)
         return False
@@ -128,12 +156,13 @@ def _limits_kept(violation: float | None) -> bool:
 
 def _new_folder(configuration: Configuration) -> Path:
     formulation = configuration.planner.formulation
-    base = f"{configuration.name}-{configuration.preset}-{formulation}-seed{configuration.seed}"
-    folder, count = Path("runs") / base, 1
-    while folder.exists():
-        count += 1
-        folder = Path("runs") / f"{base}-{count}"
-    return folder
+    folder = Path("runs") / f"{configuration.name}-{configuration.preset}-{formulation}-seed{configuration.seed}"
+    return _beside(folder) if folder.exists() else folder
+
+
+def _beside(folder: Path) -> Path:
+    """The first of ``NAME-2``, ``NAME-3``, ... that is not there."""
+    return next(one for k in itertools.count(2) if not (one := folder.with_name(f"{folder.name}-{k}")).exists())
 
 
 def _compare(arguments: argparse.Namespace) -> int:
@@ -201,7 +230,8 @@ def _sweep(arguments: argparse.Namespace) -> int:
         return PROGRAM_FAULT
     # None where no thrust was applied: a method may place the vehicle.
     worst = max((row["violation_max"] for row in done.rows if row["violation_max"] is not None), default=0.0)
-    return DONE if _limits_kept(worst) else LIMIT_BROKEN
+    clipped = sum(row["retries.clipped"] or 0 for row in done.rows)
+    return DONE if _limits_kept(worst, clipped) else LIMIT_BROKEN
 
 
 def _reproduce(arguments: argparse.Namespace) -> int:

@@ -18,13 +18,16 @@ from gbt_ocp.guidance.protocol import BearingGuidance, Guidance, Placement
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.sensors import BearingSensor
 from gbt_ocp.targets import Target
-from gbt_ocp.tracking.protocol import GaussianProcess, PositionTracker, Tracker
+from gbt_ocp.tracking.protocol import Forecast, GaussianProcess, PositionTracker, Tracker
 from gbt_ocp.vehicles import Vehicle
 
 Array = NDArray[np.float64]
 
 GRID = 101
 """Points a piece at which the executed thrust is recorded and compared with its limits."""
+
+ROUND_OFF = 1.0e-9
+"""Excess of a thrust over its limit, relative to it, that is none."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,8 @@ class ClosedLoop:
         n, periods predicted ahead.
     follow
         ``exact``: the vehicle follows the planned flat output. ``dynamics``: its forward dynamics are integrated under
-        the planned thrust, clipped to the limits.
+        the planned thrust, clipped to the limits. A piece that no thrust within the limits can follow (of a braking
+        plan, at worst) is clipped and integrated either way.
     bound_delta
         δ of the recorded error bound.
     rng
@@ -65,12 +69,13 @@ class ClosedLoop:
 
 @dataclass(frozen=True)
 class Move:
-    """What the vehicle did over one period."""
+    """What the vehicle did over one period; ``clipped`` if a plan asked for more thrust than there is."""
 
     flat: Array
     state: Array
     thrust: Array
     thrust_peak: Array
+    clipped: bool = False
 
 
 class Mover:
@@ -92,7 +97,8 @@ class Mover:
         thrust = np.asarray(self._thrust(*(values[0].T for values in first.sample(GRID)))).T
         peak = np.max(np.abs(thrust), axis=0) / limit
         flat = first.knots[1]
-        if self._exact:
+        clipped = bool(peak.max() > 1.0 + ROUND_OFF)
+        if self._exact and not clipped:
             return Move(flat, self._vehicle.state(flat[0], flat[1]), thrust[0], peak)
 
         def applied(s: float) -> Array:
@@ -101,7 +107,8 @@ class Mover:
 
         state = self._integrate(self._vehicle.state(*first.start[:2]), applied)
         z, dz = self._vehicle.flat(state)
-        return Move(np.vstack([z, dz, flat[2:]]), state, np.clip(thrust[0], -limit, limit), np.minimum(peak, 1.0))
+        held = np.clip(thrust[0], -limit, limit)
+        return Move(np.vstack([z, dz, flat[2:]]), state, held, np.minimum(peak, 1.0), clipped)
 
     def hold(self, state: Array, thrust: Array) -> Move:
         """Integrate the forward dynamics under constant inputs."""
@@ -135,11 +142,20 @@ class Recording:
         How often limits were tightened because a piece to be executed broke them between nodes.
     nugget_retries
         How often the tracker had to raise its nugget.
+    refused_bearings
+        Bearings that the tracker refused because they were none: not finite, not of length 1, or out of time.
+    held_forecasts
+        Steps in which the tracker's forecast was not finite and the guidance was given the one before.
+    clipped
+        Steps in which a plan asked for more thrust than there is, which was clipped.
     """
 
     arrays: dict[str, Array]
     tightened: int
     nugget_retries: int
+    refused_bearings: int = 0
+    held_forecasts: int = 0
+    clipped: int = 0
 
 
 Progress = Callable[[int, float, float], None]
@@ -154,6 +170,9 @@ def step_count(duration: float, period: float) -> int:
 
 def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Progress | None = None) -> Recording:
     """Run the closed loop.
+
+    A bearing that the tracker refuses counts as missed. A forecast that is not finite is recorded as it is, but the
+    guidance is given the last finite one in its place, a period further on.
 
     Parameters
     ----------
@@ -172,7 +191,8 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
     state = vehicle.state(flat[0], flat[1])
     rows: list[dict[str, Any]] = []
     seen: deque[Array] = deque(maxlen=loop.window)
-    tightened = 0
+    tightened = refused = held = clipped = 0
+    usable: Forecast | None = None
     for k in range(step_count(duration, period)):
         t = k * period
         times = np.asarray(t + period * np.arange(loop.forecast + 1), dtype=float)
@@ -182,24 +202,26 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
         position = _measured_position(loop, truth[0])
 
         began = perf_counter()
+        if bearing is not None and not _taken(loop.tracker, t, bearing, own, position):
+            bearing, refused = None, refused + 1
         if bearing is not None:
-            if isinstance(loop.tracker, PositionTracker):
-                loop.tracker.update_position(t, position)
-            else:
-                loop.tracker.update(t, bearing, own)
             seen.append(bearing)
         forecast = loop.tracker.predict(times)
         tracker_time = perf_counter() - began
 
+        finite = _is_finite(forecast)
+        held += not finite
+        usable = forecast if finite else _held(usable, own, len(times))
         if isinstance(loop.guidance, BearingGuidance):
             loop.guidance.see(bearing)
-        decision = loop.guidance.decide(t, flat, forecast)
+        decision = loop.guidance.decide(t, flat, usable)
         if isinstance(decision, Plan):
             move = mover.follow(decision)
         elif isinstance(decision, Placement):
             move = mover.place(state, decision.position)
         else:
             move = mover.hold(state, decision.thrust[0] if isinstance(decision, ShootingPlan) else decision)
+        clipped += move.clipped
         row: dict[str, Any] = {
             "t": t,
             "vehicle_pose": vehicle.pose(state),
@@ -224,7 +246,31 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
         flat, state = move.flat, move.state
     arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     retries = loop.tracker.nugget_retries if isinstance(loop.tracker, GaussianProcess) else 0
-    return Recording(arrays, tightened, retries)
+    return Recording(arrays, tightened, retries, refused, held, clipped)
+
+
+def _taken(tracker: Tracker | PositionTracker, time: float, bearing: Array, own: Array, position: Array) -> bool:
+    """Give the tracker what was measured; whether it took it."""
+    try:
+        if isinstance(tracker, PositionTracker):
+            tracker.update_position(time, position)
+        else:
+            tracker.update(time, bearing, own)
+    except ValueError:  # no bearing at all, by the tracker's protocol; the tracker is unchanged
+        return False
+    return True
+
+
+def _is_finite(forecast: Forecast) -> bool:
+    """Whether a plan can be made for it; a covariance of NaN says that there is none."""
+    return bool(np.all(np.isfinite(forecast.mean)) and not np.any(np.isinf(forecast.covariance)))
+
+
+def _held(last: Forecast | None, own: Array, count: int) -> Forecast:
+    """The last usable forecast a period further on; without any, the vehicle's own position."""
+    if last is None:
+        return Forecast(np.tile(own, (count, 1)), np.full((count, own.size, own.size), np.nan))
+    return Forecast(*(np.concatenate([moments[1:], moments[-1:]]) for moments in last))
 
 
 def _measured_position(loop: ClosedLoop, target: Array) -> Array:

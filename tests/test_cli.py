@@ -2,6 +2,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import types
 from pathlib import Path
 
@@ -15,10 +16,16 @@ class Result:
     """A finished run in place of the simulation."""
 
     undrawable = False
+    clipped = 0
 
     def __init__(self, configuration, violation=0.0):
         self.configuration = configuration
-        self.summary = {"error_settled": 0.0123456, "violation_max": violation, "steps": 300}
+        self.summary = {
+            "error_settled": 0.0123456,
+            "violation_max": violation,
+            "steps": 300,
+            "retries": {"clipped": self.clipped},
+        }
 
     def save(self, out, figures):
         out = Path(out)
@@ -128,6 +135,46 @@ def test_a_broken_limit_is_exit_3_and_the_folder_is_kept(runs, capsys, violation
     assert cli.main(["run", "case1", "--out", "kept"]) == code
     assert Path("kept/config.yaml").exists()
     assert ("broken" in capsys.readouterr().err) is (code == 3)
+
+
+def test_thrust_that_had_to_be_clipped_is_exit_3(runs, capsys, monkeypatch):
+    monkeypatch.setattr(Result, "clipped", 2)
+    assert cli.main(["run", "case1", "--out", "kept"]) == 3
+    assert capsys.readouterr().err == "the thrust limits were kept only by clipping, in 2 steps\n"
+    assert Path("kept/config.yaml").exists()
+
+
+@pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), OSError(30, "Read-only file system")])
+def test_a_disk_that_cannot_be_written_does_not_cost_a_finished_result(runs, capsys, monkeypatch, tmp_path, fault):
+    save = Result.save
+
+    def saved(self, out, figures):
+        if Path(out) == Path("asked"):
+            raise fault
+        save(self, out, figures)
+
+    monkeypatch.setattr(Result, "save", saved)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    assert cli.main(["run", "case1", "--out", "asked"]) == 2
+    out, err = capsys.readouterr()
+    kept = next(tmp_path.glob("gbt-ocp-*/asked"))
+    assert (kept / "config.yaml").is_file()
+    assert err == f"--out: asked cannot be written ({fault}); the results are in {kept}\n"
+    assert out.endswith(f"\n{kept}\n")
+
+
+def test_a_folder_that_another_run_filled_meanwhile_is_left_alone(runs, capsys, monkeypatch):
+    save = Result.save
+
+    def saved(self, out, figures):
+        if Path(out).name == "asked":
+            raise FileExistsError(f"{out}: the folder exists and is not empty")
+        save(self, out, figures)
+
+    monkeypatch.setattr(Result, "save", saved)
+    assert cli.main(["run", "case1", "--out", "asked"]) == 2
+    assert Path("asked-2/figures-True").exists()
+    assert "the results are in asked-2" in capsys.readouterr().err
 
 
 def test_figures_that_cannot_be_drawn_do_not_cost_the_results(runs, capsys, monkeypatch):

@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -135,6 +136,21 @@ def test_the_folder_of_another_sweep_is_refused_in_one_line(done, changes, words
     (line,) = caught.value.faults
     assert line.startswith(f"--resume: found {done.folder}, the folder of another sweep")
     assert words in line
+
+
+@pytest.mark.parametrize("damage", ["missing", "empty", "half", "list"])
+def test_a_damaged_run_is_run_again(done, tmp_path, capsys, damage):
+    folder = shutil.copytree(done.folder, tmp_path / "sweep")
+    summary = folder / "runs" / "000002" / "summary.json"
+    text = summary.read_text(encoding="utf-8")
+    if damage == "missing":
+        summary.unlink()
+    else:
+        summary.write_text({"empty": "", "half": text[: len(text) // 2], "list": "[]"}[damage], encoding="utf-8")
+    again = sweep(resume=folder, jobs=1)
+    assert table(again.folder) == table(done.folder)
+    assert "000002: damaged" in capsys.readouterr().err
+    assert json.loads(summary.read_text(encoding="utf-8"))["seed"] == 2
 
 
 def test_folders_that_hold_no_sweep_or_something_else_are_refused(done, tmp_path):

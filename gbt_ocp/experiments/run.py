@@ -144,7 +144,13 @@ def run(
         seed=configuration.seed,
         wall_s=perf_counter() - began,
         solver_first_try=(history.solver_status == "solved") & (history.fallback == ""),
-        retries={"tightened": recording.tightened, "nugget": recording.nugget_retries},
+        retries={
+            "tightened": recording.tightened,
+            "nugget": recording.nugget_retries,
+            "refused_bearings": recording.refused_bearings,
+            "held_forecasts": recording.held_forecasts,
+            "clipped": recording.clipped,
+        },
         versions=installed_versions(),
     )
     # `auto` says in the configuration that there was a choice, not what was chosen

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -166,9 +167,7 @@ class Planner:
         nothing = np.zeros(0)
         tightening, iterations = 0.0, 0
         for tightened in range(TIGHTENINGS + 1):
-            solution: Solution = self.solver.solve(
-                start, parameters, guess, cold=cold, tightening=tightening, **({"limits": limits} if limits else {})
-            )
+            solution = self._answer(start, parameters, limits, guess, cold=cold, tightening=tightening)
             iterations += solution.iterations
             if not solution.solved:
                 return _Attempt(solution.status, None, nothing, iterations, tightened)
@@ -183,3 +182,20 @@ class Planner:
             tightening += 1.2 * broken + 1e-4
             guess, cold = solution.variables, False
         return _Attempt("limits broken between nodes", None, nothing, iterations, TIGHTENINGS)
+
+    def _answer(
+        self, start: Array, parameters: list[Array], limits: list[Array], guess: Array, *, cold: bool, tightening: float
+    ) -> Solution:
+        """What the solver says; a solver that raises or returns nothing has failed like any other."""
+        try:
+            found: Solution | None = self.solver.solve(
+                start, parameters, guess, cold=cold, tightening=tightening, **({"limits": limits} if limits else {})
+            )
+        except Exception as fault:  # the vehicle needs a plan, whatever a solver of somebody's own does
+            warnings.warn(f"solver {self.solver.name!r} raised {fault!r}", RuntimeWarning, stacklevel=5)
+            return Solution(guess, False, f"raised {type(fault).__name__}", 0)
+        if found is None:
+            return Solution(guess, False, "no answer", 0)
+        if found.solved and np.shape(found.variables) != guess.shape:
+            return Solution(guess, False, "answer of a wrong shape", found.iterations)
+        return found

@@ -44,7 +44,7 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
         settling=SETTLING_S,
         wall_s=perf_counter() - began,
         solver_first_try=(history.solver_status == "solved") & (history.fallback == ""),
-        retries={"tightened": recording.tightened, "nugget": recording.nugget_retries},
+        retries={"tightened": recording.tightened, "nugget": recording.nugget_retries, "clipped": recording.clipped},
         versions=installed_versions(),
     )
     settled = history.condition_number[history.t >= SETTLING_S - 1e-9]
@@ -63,6 +63,7 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
         **{key: summary[key] for key in kept},
         "condition_median": float(np.median(settled)) if settled.size else None,
         "tightened": recording.tightened,
+        "clipped": recording.clipped,
         **{f"fallbacks_{word}": count for word, count in fallbacks.items()},
         "fallbacks_other": others,
     }

@@ -256,6 +256,7 @@ def carry_out(plan: SweepPlan, folder: Path, engine: Engine, *, progress: bool =
     """
     own = Path(os.path.abspath(folder)) / RUNS  # a worker may run elsewhere
     runs = list(plan.runs())
+    _remove_damaged(runs, own)
     pending = [run for run in runs if not (own / run.identifier).is_dir()]
     job = partial(execute, folder=own, histories=plan.histories, arrays=plan.arrays)
     with tqdm(
@@ -282,6 +283,18 @@ def carry_out(plan: SweepPlan, folder: Path, engine: Engine, *, progress: bool =
     for entry in _abandoned(own):
         shutil.rmtree(entry, ignore_errors=True)
     return collect(plan, folder)
+
+
+def _remove_damaged(runs: Sequence[PlannedRun], own: Path) -> None:
+    """Remove run folders that cannot be read: whoever wrote them is not to be trusted, so they are run again."""
+    for run in runs:
+        if not (own / run.identifier).is_dir():
+            continue
+        try:
+            row_of(run, own)
+        except (ValueError, KeyError, TypeError, FileNotFoundError) as fault:
+            print(f"{own / run.identifier}: damaged ({fault}); it is run again", file=sys.stderr)
+            shutil.rmtree(own / run.identifier)
 
 
 def collect(plan: SweepPlan, folder: Path) -> Sweep:
