@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from gbt_ocp.bearings import DesiredBearing, condition_number, cumulative_bearing_matrix
+from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.protocol import BearingGuidance, Guidance, Placement
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.sensors import BearingSensor
@@ -59,7 +60,7 @@ class ClosedLoop:
     tracker: Tracker | PositionTracker
     guidance: Guidance
     vehicle: Vehicle
-    desired: DesiredBearing
+    desired: DesiredBearing | PacedBearing
     window: int
     forecast: int
     follow: Literal["exact", "dynamics"]

@@ -25,6 +25,7 @@ from gbt_ocp.guidance.circumnavigation import Circumnavigation
 from gbt_ocp.guidance.fim_placement import FimPlacement
 from gbt_ocp.guidance.helical import HelicalGuidance
 from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
+from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.ocp import BearingSimilarity, Objective, Planner, RangePull, ThrustLimit, TrajectoryProblem
@@ -98,6 +99,16 @@ def build_desired_bearing(configuration: Configuration) -> DesiredBearing:
     return DesiredBearing(configuration.dimension, 2.0 * math.pi / turn, section.axis or (0.0, 0.0, 1.0))
 
 
+def paced(configuration: Configuration, desired: DesiredBearing, vehicle: Vehicle) -> DesiredBearing | PacedBearing:
+    """λ*(t) as the planner follows it: slowed down for a far target if that is asked for, or bearings are noisy."""
+    speed = configuration.desired_bearing.speed_mps
+    if speed == "sensor":
+        speed = steady_speed(vehicle) if configuration.sensor.noise_deg > 0.0 else None
+    if speed is None or configuration.guidance.kind != "planner":
+        return desired
+    return PacedBearing(desired, speed)
+
+
 def build_sensor(configuration: Configuration) -> BearingSensor:
     """The bearing sensor."""
     section = configuration.sensor
@@ -142,7 +153,7 @@ def build_planner(configuration: Configuration, vehicle: Vehicle) -> Planner:
 
 
 def build_guidance(
-    configuration: Configuration, vehicle: Vehicle, desired: DesiredBearing, rng: np.random.Generator
+    configuration: Configuration, vehicle: Vehicle, desired: DesiredBearing | PacedBearing, rng: np.random.Generator
 ) -> Guidance:
     """The observer strategy."""
     section = configuration.guidance
@@ -158,6 +169,7 @@ def build_guidance(
             vehicle, period, speed=section.speed, radial_gain=section.radial_gain, standoff=section.standoff_m
         )
     if isinstance(section, FimPlacementGuidance):
+        assert isinstance(desired, DesiredBearing), "only the planner's bearing is paced"
         return FimPlacement(desired, period, standoff=section.standoff_m)
     if isinstance(section, HelicalSection):
         return HelicalGuidance(
@@ -205,7 +217,7 @@ def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
     vehicle = build_vehicle(configuration)
     target = build_target(configuration)
     _check_own(configuration, target, vehicle)
-    desired = build_desired_bearing(configuration)
+    desired = paced(configuration, build_desired_bearing(configuration), vehicle)
     start = build_start(configuration, vehicle, streams.start)
     loop = ClosedLoop(
         target=target,

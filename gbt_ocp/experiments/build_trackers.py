@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 
 from gbt_ocp.experiments import tracker_sections as sections
 from gbt_ocp.experiments.configuration import Configuration
+from gbt_ocp.experiments.noise_sections import Noise, NoisyBearings
 from gbt_ocp.tracking.bearing_noise import BearingNoise
 from gbt_ocp.tracking.gp import GaussianProcessTracker
 from gbt_ocp.tracking.imm import ImmPositionTracker, ImmPseudoLinearTracker, InteractingMultipleModel
+from gbt_ocp.tracking.likelihood import LogNormal
 from gbt_ocp.tracking.lmc import CoregionalizedTracker
 from gbt_ocp.tracking.motion_gp import MotionShapeTracker
+from gbt_ocp.tracking.noisy_gp import MotionPriors, NoisyGaussianProcessTracker
 from gbt_ocp.tracking.orthogonality import OrthogonalityTracker
 from gbt_ocp.tracking.plkf import PseudoLinearKalmanFilter
 from gbt_ocp.tracking.polynomial import PolynomialRegression
@@ -45,6 +48,9 @@ def build_tracker(configuration: Configuration, start: Array) -> Tracker | Posit
         )
     if isinstance(section, sections.MotionTracker):
         return _motion(section, dimension, start, position, covariance)
+    noise = noise_of(section, configuration.sensor.noise_deg)
+    if noise is not None:
+        return _noisy(noise, configuration, position, covariance, start)
     return GaussianProcessTracker(
         dimension,
         window=section.window,
@@ -88,13 +94,51 @@ def _motion(
     )
 
 
-def _noise(section: sections.Noise) -> BearingNoise:
+def _noise(section: Noise, std_deg: float | None = None) -> BearingNoise:
     return BearingNoise(
-        math.radians(section.std_deg),
+        math.radians(section.std_deg if std_deg is None else std_deg),
         math.radians(section.correlated_deg),
         section.correlation_s,
         section.own_std_m,
         section.estimated,
+    )
+
+
+def noise_of(section: sections.TrackerSection, sensor_deg: float) -> NoisyBearings | None:
+    """How the tracker treats noise; ``None`` if it takes bearings for exact."""
+    noise = section.noise if isinstance(section, sections.GaussianProcessTracker) else None
+    if noise == "sensor":
+        return NoisyBearings() if sensor_deg > 0.0 else None
+    return noise
+
+
+def _noisy(
+    section: NoisyBearings,
+    configuration: Configuration,
+    position: Array | None,
+    covariance: Array | None,
+    start: Array,
+) -> NoisyGaussianProcessTracker:
+    """The Gaussian process for noisy bearings."""
+    std = configuration.sensor.noise_deg if section.std_deg is None else section.std_deg
+    return NoisyGaussianProcessTracker(
+        configuration.dimension,
+        noise=_noise(section, std),
+        window=section.window if section.bin_s is None else section.window_s,
+        bin_width=section.bin_s,
+        kernel=section.kernel,
+        priors=MotionPriors(
+            LogNormal(section.scale.median, section.scale.log_std),
+            LogNormal(section.length_scale.median_s, section.length_scale.log_std),
+            LogNormal(section.range.median_m, section.range.log_std),
+            section.position_std_m,
+        ),
+        hyperparameters=section.hyperparameters,
+        tails=section.tails,
+        linearisations=section.linearisations,
+        prior_position=position,
+        prior_covariance=covariance,
+        start=start,
     )
 
 

@@ -20,6 +20,7 @@ from gbt_ocp.experiments.keys import (
     InputNumbers,
     NotNegativeInputNumbers,
     PositionNumbers,
+    Positive,
     PositiveInputNumbers,
     Section,
     as_tuples,
@@ -165,6 +166,12 @@ class DesiredBearing(Section):
         ge=1,
     )
     period_s: float | None = key(None, "Time of a turn in s, instead of m.", "a number > 0, or null beside m", gt=0.0)
+    speed_mps: Literal["sensor"] | Positive | None = key(
+        "sensor",
+        "Speed in m/s that going round the target may ask for; farther away the bearing turns more slowly. sensor: "
+        "with noisy bearings the speed that the vehicle keeps up, else null. null: never slower.",
+        "sensor, null, or a number > 0",
+    )
     axis: Direction | None = key(
         None, "Axis of the turn, in space only (default [0, 0, 1]).", "3 numbers that are not all zero"
     )

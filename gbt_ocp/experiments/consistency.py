@@ -13,10 +13,12 @@ from typing import Any
 
 from gbt_ocp.experiments.configuration import Configuration, Planner, Sensor
 from gbt_ocp.experiments.faults import NOTHING, Fault, kinds, shown, union_of, value_at
+from gbt_ocp.experiments.noise_sections import NoisyBearings
 from gbt_ocp.experiments.problem import TrackingProblem
 from gbt_ocp.experiments.tracker_sections import TrackerSection
 from gbt_ocp.targets import TrackTarget
 
+_BINS = ("bin_s", "window_s")
 _CASES = {2: ("case1", "case2", "case3"), 3: ("case4", "case5", "case6")}
 
 
@@ -32,6 +34,7 @@ def inconsistencies(merged: Mapping[str, Any], problem: TrackingProblem | None) 
     """
     yield from _sizes(merged)
     yield from _limits(merged, problem)
+    yield from _noise(merged)
     yield from _one_of(merged, ("desired_bearing",), "m", "period_s")
     if isinstance(value_at(merged, ("tracker", "prior")), Mapping):
         yield from _one_of(merged, ("tracker", "prior"), "std", "covariance")
@@ -77,6 +80,18 @@ def _one_of(merged: Mapping[str, Any], path: tuple[str, ...], first: str, second
         if len(written) != 1:
             found = f"both {first} and {second}" if written else f"neither {first} nor {second}"
             yield Fault(path, found, f"exactly one of {first}, {second}")
+
+
+def _noise(merged: Mapping[str, Any]) -> Iterator[Fault]:
+    """What the tracker is told of noise beside what the sensor makes."""
+    path = ("tracker", "noise")
+    if not isinstance(value_at(merged, path), Mapping) or value_at(merged, ("tracker", "kind")) != "gp":
+        return
+    if value_at(merged, (*path, "std_deg")) in (NOTHING, None) and not _number(merged, ("sensor", "noise_deg"), 0.0):
+        yield Fault((*path, "std_deg"), "null", "a number > 0 where sensor.noise_deg is 0")
+    width, window = (_number(merged, (*path, name), NoisyBearings.model_fields[name].default) for name in _BINS)
+    if width is not None and window is not None and window < 2.0 * width:
+        yield Fault((*path, "window_s"), shown(window), f"at least two bins, {2.0 * width:.6g} s")
 
 
 def _limits(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Iterator[Fault]:

@@ -24,8 +24,9 @@ from gbt_ocp.experiments.problem import TrackingProblem
 PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
     "paper": {
-        "tracker": {"centre": "origin", "amplitude": 1.0, "nugget": 1.0e-8, "prior": None},
+        "tracker": {"centre": "origin", "amplitude": 1.0, "nugget": 1.0e-8, "noise": None, "prior": None},
         "planner": {"range_pull": 0.02},
+        "desired_bearing": {"speed_mps": None},
     },
 }
 """What a preset fills in (docs/paper.md, E7 and E8); `default` is the defaults of the models."""

@@ -7,11 +7,13 @@ survive a change of ``kind`` in a stronger layer; all others are dropped with th
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, ValidationInfo
 
 from gbt_ocp.experiments.keys import Covariance, PositionNumbers, Positive, PositiveNumbers, Section, as_tuples, key
+from gbt_ocp.experiments.noise_sections import Noise, NoisyBearings
 
 TRACKERS = {
     "gp": "Gaussian process on a window of pseudo-linear bearings (paper, section 3)",
@@ -78,6 +80,10 @@ class ProcessTracker(TrackerSection):
     bound_delta: float = key(0.05, "δ, probability that the error bound fails.", "a number in (0, 1]", gt=0.0, le=1.0)
 
 
+def _own_or_named(value: Any) -> str:
+    return "own" if isinstance(value, Mapping | NoisyBearings) else "named"
+
+
 class GaussianProcessTracker(ProcessTracker):
     """The Gaussian-process tracker."""
 
@@ -85,6 +91,15 @@ class GaussianProcessTracker(ProcessTracker):
     kernel: KernelName = key("se", "Kernel of the process.", "se, matern32, matern52, rq")
     amplitude: Literal["tuned"] | Positive = key(
         "tuned", "Prior standard deviation in m, tuned on the window or fixed.", "tuned, or a number > 0"
+    )
+    noise: Annotated[
+        Annotated[Literal["sensor"] | None, Tag("named")] | Annotated[NoisyBearings, Tag("own")],
+        Discriminator(_own_or_named),
+    ] = key(
+        "sensor",
+        "Treatment of noisy bearings, in place of kernel, centre, amplitude, length_scale and nugget. sensor: the "
+        "defaults of its keys if sensor.noise_deg > 0, else null. null: the paper's tracker, for exact bearings.",
+        "sensor, null, or a mapping",
     )
 
 
@@ -99,25 +114,6 @@ class CoregionalizedTracker(ProcessTracker):
             "null, or a list of at least {d} of se, matern32, matern52, rq",
         )
     )
-
-
-class Noise(Section):
-    """What is known of the noise of the bearings."""
-
-    std_deg: float = key(1.5, "White noise of a bearing in degrees.", "a number > 0", gt=0.0)
-    estimated: bool = key(
-        False,
-        "Whether the white noise is estimated from the scatter in the bins, std_deg being expected.",
-        "true, false",
-    )
-    correlated_deg: float = key(
-        0.0,
-        "Standard deviation in degrees of an error that lasts, whatever the number of bearings.",
-        "a number >= 0",
-        ge=0.0,
-    )
-    correlation_s: float = key(5.0, "Time in s in which that error changes.", "a number > 0", gt=0.0)
-    own_std_m: float = key(0.0, "Standard deviation of the own position in m.", "a number >= 0", ge=0.0)
 
 
 class SpeedPrior(Section):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.bearings import DesiredBearing
+from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.shooting import ShootingPlanner
@@ -32,7 +33,9 @@ class PlannedMotion:
         Sampling periods that a piece lasts.
     """
 
-    def __init__(self, planner: Planner | ShootingPlanner, desired: DesiredBearing, steps: int = 1) -> None:
+    def __init__(
+        self, planner: Planner | ShootingPlanner, desired: DesiredBearing | PacedBearing, steps: int = 1
+    ) -> None:
         self.planner = planner
         self._desired = desired
         self._steps = steps
@@ -51,6 +54,9 @@ class PlannedMotion:
                 solve_time=0.0,
                 tightened=0,
             )
+        if isinstance(self._desired, PacedBearing):
+            line = forecast.mean[0] - flat[0, : forecast.mean.shape[1]]
+            self._desired.pace(time, float(np.linalg.norm(line)))
         ends = time + problem.period * np.arange(1, problem.pieces + 1)
         # an estimator without a covariance is taken at its word
         covariance = np.nan_to_num(forecast.covariance, nan=0.0)

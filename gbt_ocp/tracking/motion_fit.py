@@ -27,6 +27,10 @@ Array = NDArray[np.float64]
 NEGLIGIBLE = 1.0e-3
 """Weight relative to the largest below which a solution is left out of a mixture."""
 
+SMALLEST_JITTER = 1.0e-14
+JITTERS = 5
+"""Share of its largest entry that is added to the diagonal of a covariance, and how often a hundred times more."""
+
 SCALES = (-1.8, -0.6, 0.6, 1.8)
 LENGTHS = (-2.0, -1.0, 0.0, 1.0, 2.0)
 """Nodes of the grid, in standard deviations of the priors' logarithms."""
@@ -145,7 +149,7 @@ class MotionFit:
         """
         omega = np.exp(2.0 * node.log_scale) * self._displacements(node.log_length)
         omega += self._anchor_and_noise(node.white_variance)
-        factor = cholesky(omega)
+        factor = _factor(omega)
         values = self.rows.values - self.rows.directions @ self.anchor.mean
         weights = np.asarray(lapack.dpotrs(factor, values, lower=1)[0])
         # a row divided by its range is an angle: so the densities of different linearisations can be compared
@@ -174,18 +178,26 @@ class MotionFit:
 
     def predict(self, solution: Solution, times: Array) -> Forecast:
         """Mean ``(K, d)`` and covariance ``(K, d, d)`` at the times ``(K,)`` in seconds under the solution's θ."""
-        rows, anchor, node = self.rows, self.anchor, solution.node
-        variance = np.exp(2.0 * node.log_scale)
-        since = times - anchor.time
-        unit = variance * self.kernel(self.samples.times - anchor.time, since, node.log_length)[rows.sample]
-        h = rows.directions
-        cross = unit[:, :, None] * h[:, None, :] + (h @ anchor.covariance)[:, None, :]
+        cross = self._cross(solution.node, times)
         count, steps, dimension = cross.shape
-        mean = anchor.mean + np.tensordot(solution.weights, cross, axes=1)
         solved = lapack.dtrtrs(solution.factor, cross.reshape(count, -1), lower=1)[0].reshape(count, steps, dimension)
-        moved = variance * self.kernel.variance(since, node.log_length)
-        prior = moved[:, None, None] * np.eye(dimension) + anchor.covariance
-        return Forecast(mean, prior - np.einsum("rki,rkj->kij", solved, solved))
+        solved = solved.transpose(1, 2, 0)
+        moved = np.exp(2.0 * solution.node.log_scale) * self.kernel.variance(
+            times - self.anchor.time, solution.node.log_length
+        )
+        prior = moved[:, None, None] * np.eye(dimension) + self.anchor.covariance
+        mean = self.anchor.mean + np.tensordot(solution.weights, cross, axes=1)
+        return Forecast(mean, prior - solved @ solved.transpose(0, 2, 1))
+
+    def mean(self, solution: Solution, times: Array) -> Array:
+        """The mean of :meth:`predict` alone ``(K, d)``."""
+        return np.asarray(self.anchor.mean + np.tensordot(solution.weights, self._cross(solution.node, times), axes=1))
+
+    def _cross(self, node: Node, times: Array) -> Array:
+        """Covariance of the rows and the position at the times ``(R, K, d)``."""
+        h, since = self.rows.directions, self.samples.times - self.anchor.time
+        unit = np.exp(2.0 * node.log_scale) * self.kernel(since, times - self.anchor.time, node.log_length)
+        return np.asarray(unit[self.rows.sample][:, :, None] * h[:, None, :] + (h @ self.anchor.covariance)[:, None, :])
 
     def misfit(self, solution: Solution) -> float:
         """By how much half the χ² of the true angles exceeds that of the linearised ones, at the solution's mean.
@@ -195,10 +207,26 @@ class MotionFit:
         """
         variance = solution.node.white_variance
         noise = row_covariance(self.rows, self.samples, self.noise, variance, self.trust)
-        mean = self.predict(solution, self.samples.times).mean
+        mean = self.mean(solution, self.samples.times)
         angles = linearised(self.samples, mean).residuals * self.rows.ranges
         weights = solution.weights
         return float(0.5 * ((angles**2 / noise.diagonal()).sum() - weights**2 @ noise.diagonal()))
+
+
+def _factor(omega: Array) -> Array:
+    """Cholesky factor of Ω with the least that makes it one added to its diagonal.
+
+    A path that runs through the vehicle has rows without noise, and a wide anchor hides them in the round-off.
+    """
+    diagonal = np.diag_indices_from(omega)
+    added = SMALLEST_JITTER * float(omega[diagonal].max())
+    for _ in range(JITTERS):
+        omega[diagonal] += added
+        try:
+            return cholesky(omega)
+        except NotPositiveDefiniteError:
+            added *= 100.0
+    raise NotPositiveDefiniteError
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 FARTHEST = 0.4
 """Angle in radians between predicted and measured bearing beyond which the measured tangent is kept."""
 
-NEAREST = 1.0e-6
+NEAREST = 1.0e-4
 """Range in metres below which a predicted position has no direction; the measured one stands in."""
 
 
