@@ -296,6 +296,7 @@ def test_one_line_runs_with_the_defaults_of_the_design(tmp_path):
             "amplitude": "tuned",
             "length_scale": "tuned",
             "nugget": "tuned",
+            "noise": "sensor",
             "prior": None,
             "bound_delta": 0.05,
         },
@@ -329,7 +330,7 @@ def test_one_line_runs_with_the_defaults_of_the_design(tmp_path):
             "width": 0.01,
             "nodes": 4,
         },
-        "desired_bearing": {"m": 10, "period_s": None, "axis": None},
+        "desired_bearing": {"m": 10, "period_s": None, "speed_mps": "sensor", "axis": None},
         "vehicle": {
             "kind": "fossen",
             "parameters": "falcon",
