@@ -5,7 +5,7 @@ Source: equations ``eq4``, ``eq5``, ``eq20`` and ``op_bearings`` of the paper. A
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -128,11 +128,14 @@ class DesiredBearing:
         ω in rad/s; the paper's is 2π/(T m).
     axis
         λ_0 of the paper, the preset direction in 3D ``(3,)``; normalised here. Ignored in 2D.
+    phase
+        Angle on the circle at t = 0 in radians; zero in the paper.
     """
 
     dimension: int
     rate: float
     axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    phase: float = 0.0
 
     def __post_init__(self) -> None:
         if self.dimension not in (2, 3):
@@ -142,9 +145,16 @@ class DesiredBearing:
 
     def __call__(self, times: ArrayLike) -> Array:
         """Desired bearings ``(..., d)`` at the times ``(...)`` in seconds."""
-        angle = self.rate * np.asarray(times, dtype=float)
+        angle = self.phase + self.rate * np.asarray(times, dtype=float)
         circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         if self.dimension == 2:
             return circle
         axis = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
         return np.asarray(np.sqrt(3.0) / 3.0 * axis + np.sqrt(6.0) / 3.0 * circle @ tangent_basis(axis).T)
+
+    def beginning_at(self, time: float, bearing: ArrayLike) -> DesiredBearing:
+        """The same turn, shifted so that at ``time`` (s) it is as near as it gets to a bearing ``(d,)``."""
+        b = np.asarray(bearing, dtype=float)
+        if self.dimension == 3:
+            b = tangent_basis(np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)).T @ b
+        return replace(self, phase=float(np.arctan2(b[1], b[0])) - self.rate * time)

@@ -40,11 +40,13 @@ class ClosedLoop:
     target, sensor, tracker, guidance, vehicle
         The parts.
     desired
-        λ*(t), recorded beside what was measured.
+        λ*(t), recorded beside what was measured, unless the guidance has its own ``desired``.
     window
         N_c, bearings that the recorded condition number counts.
     forecast
-        n, periods predicted ahead.
+        n, positions predicted ahead.
+    forecast_period
+        Seconds between them; T in the paper.
     follow
         ``exact``: the vehicle follows the planned flat output. ``dynamics``: its forward dynamics are integrated under
         the planned thrust, clipped to the limits. A piece that no thrust within the limits can follow (of a braking
@@ -63,6 +65,7 @@ class ClosedLoop:
     desired: DesiredBearing | PacedBearing
     window: int
     forecast: int
+    forecast_period: float
     follow: Literal["exact", "dynamics"]
     bound_delta: float
     rng: np.random.Generator
@@ -196,7 +199,7 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
     usable: Forecast | None = None
     for k in range(step_count(duration, period)):
         t = k * period
-        times = np.asarray(t + period * np.arange(loop.forecast + 1), dtype=float)
+        times = np.asarray(t + loop.forecast_period * np.arange(loop.forecast + 1), dtype=float)
         truth = loop.target.position(times)
         own = vehicle.pose(state)[: loop.target.dimension]
         bearing = loop.sensor.measure(k, truth[0], own, loop.rng)
@@ -231,7 +234,7 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
             "piece_thrust_peak": move.thrust_peak,
             "target": truth[0],
             "bearing": np.full(loop.target.dimension, np.nan) if bearing is None else bearing,
-            "desired_bearing": loop.desired(t),
+            "desired_bearing": getattr(loop.guidance, "desired", loop.desired)(t),
             "detected": bearing is not None,
             "forecast_mean": forecast.mean,
             "forecast_cov": forecast.covariance,
@@ -245,6 +248,9 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
         if progress is not None:
             progress(k, float(np.mean(row["error"])), rows[-1]["solver_time"])
         flat, state = move.flat, move.state
+    longest = max(len(row["plan"]) for row in rows)
+    for row in rows:  # where nothing is planned yet there are no endpoints
+        row["plan"] = np.pad(row["plan"], ((0, longest - len(row["plan"])), (0, 0)), constant_values=np.nan)
     arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     retries = loop.tracker.nugget_retries if isinstance(loop.tracker, GaussianProcess) else 0
     return Recording(arrays, tightened, retries, refused, held, clipped)

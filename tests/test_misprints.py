@@ -12,7 +12,8 @@ from scipy.linalg import sqrtm
 from scipy.stats import chi2, multivariate_normal
 
 from gbt_ocp.bearings import DesiredBearing, condition_number, cumulative_bearing_matrix, unit_bearing
-from gbt_ocp.experiments.build import build_desired_bearing
+from gbt_ocp.experiments.build import build_vehicle
+from gbt_ocp.experiments.build_desired import build_desired_bearing
 from gbt_ocp.experiments.loading import load_config
 from gbt_ocp.experiments.result import summarise
 from gbt_ocp.ocp import FlatTrajectory, ThrustLimit, TrajectoryProblem
@@ -282,14 +283,15 @@ def test_e15_drag_is_twice_differentiable_at_rest():
 def test_e16_desired_bearings_turn_once_in_m_sampling_periods(case, turn_s):
     config = load_config({"problem": case})
     period, m, dimension = config.sensor.period_s, config.desired_bearing.m, config.dimension
-    desired = build_desired_bearing(config)
+    desired = build_desired_bearing(config, build_vehicle(config))
     np.testing.assert_allclose(desired(0.37 + turn_s), desired(0.37), atol=1e-12)
     assert np.abs(desired(0.37 + 0.5 * turn_s) - desired(0.37)).max() > 0.5
     # m samples in a row are perfectly conditioned; at 1/(T m), without 2π, they are far from it.
     assert condition_number(cumulative_bearing_matrix(desired(period * np.arange(m)))) == pytest.approx(1.0)
     slow = DesiredBearing(dimension, 1.0 / (period * m))
     assert condition_number(cumulative_bearing_matrix(slow(period * np.arange(m)))) > 3.0
-    usable = build_desired_bearing(load_config({"problem": case, "desired_bearing": {"period_s": 20.0}}))
+    config = load_config({"problem": case, "desired_bearing": {"period_s": 20.0}})
+    usable = build_desired_bearing(config, build_vehicle(config))
     np.testing.assert_allclose(usable(20.37), usable(0.37), atol=1e-12)
     assert np.abs(usable(10.0) - usable(0.0)).max() > 0.5
 

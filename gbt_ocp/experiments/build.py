@@ -10,9 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.bearings import DesiredBearing
+from gbt_ocp.experiments.build_desired import build_desired_bearing
 from gbt_ocp.experiments.build_limits import with_limits
 from gbt_ocp.experiments.build_trackers import build_tracker
-from gbt_ocp.experiments.configuration import Configuration, FossenVehicle, TrackTarget, VehicleParameters
+from gbt_ocp.experiments.configuration import (
+    Configuration,
+    FossenVehicle,
+    TrackTarget,
+    TurningTarget,
+    VehicleParameters,
+)
 from gbt_ocp.experiments.guidance_sections import (
     CircumnavigationGuidance,
     ConstantForceGuidance,
@@ -28,11 +35,13 @@ from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
 from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.protocol import Guidance
+from gbt_ocp.guidance.startup import CrossFirst
 from gbt_ocp.ocp import BearingSimilarity, Objective, Planner, RangePull, ThrustLimit, TrajectoryProblem
 from gbt_ocp.sensors import BearingSensor
 from gbt_ocp.simulation import ClosedLoop
 from gbt_ocp.targets import Target, case_target
 from gbt_ocp.targets import TrackTarget as RecordedTarget
+from gbt_ocp.targets import TurningTarget as RandomTurns
 from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenParameters, Vehicle
 from gbt_ocp.vehicles import FossenVehicle as Fossen
 
@@ -46,16 +55,29 @@ class Streams:
     start: np.random.Generator
     sensor: np.random.Generator
     guidance: np.random.Generator
+    target: np.random.Generator
 
     @classmethod
     def of(cls, seed: int) -> Streams:
         """The streams of a seed."""
-        return cls(*(np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(3)))
+        return cls(*(np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(4)))
 
 
-def build_target(configuration: Configuration) -> Target:
-    """The target's motion."""
+def build_target(configuration: Configuration, rng: np.random.Generator | None = None) -> Target:
+    """The target's motion; ``rng`` for one that is drawn, by default that of the configuration's seed."""
     section = configuration.target
+    if isinstance(section, TurningTarget):
+        return RandomTurns(
+            configuration.dimension,
+            Streams.of(configuration.seed).target if rng is None else rng,
+            duration=configuration.duration_s + configuration.tracker.forecast * configuration.forecast_period,
+            start=section.start_m or np.zeros(configuration.dimension),
+            speed=section.speed,
+            speed_std=section.speed_std,
+            turn_rate_max=section.turn_rate_max,
+            hold=section.hold_s,
+            climb_rate_max=section.climb_rate_max,
+        )
     if isinstance(section, TrackTarget):
         return RecordedTarget.from_csv(
             section.path,
@@ -89,22 +111,14 @@ def build_vehicle(configuration: Configuration) -> Vehicle:
     return Fossen(parameters, section.thrust_max)
 
 
-def build_desired_bearing(configuration: Configuration) -> DesiredBearing:
-    """λ*(t): ω = 2π/(T m), or one turn in ``period_s``."""
-    section = configuration.desired_bearing
-    turn = section.period_s
-    if turn is None:
-        assert section.m is not None, "checked when the configuration was read"
-        turn = configuration.sensor.period_s * section.m
-    return DesiredBearing(configuration.dimension, 2.0 * math.pi / turn, section.axis or (0.0, 0.0, 1.0))
-
-
 def paced(configuration: Configuration, desired: DesiredBearing, vehicle: Vehicle) -> DesiredBearing | PacedBearing:
     """λ*(t) as the planner follows it: slowed down for a far target if that is asked for, or bearings are noisy."""
     speed = configuration.desired_bearing.speed_mps
     if speed == "sensor":
         speed = steady_speed(vehicle) if configuration.sensor.noise_deg > 0.0 else None
-    if speed is None or configuration.guidance.kind != "planner":
+    # a turn that begins anew at the line of sight in each plan needs no slowing down
+    anew = configuration.desired_bearing.phase == "measured"
+    if speed is None or anew or configuration.guidance.kind != "planner":
         return desired
     return PacedBearing(desired, speed)
 
@@ -183,15 +197,42 @@ def build_guidance(
             range_gain=section.range_gain,
             range_damping=section.range_damping,
         )
-    return PlannedMotion(build_planner(configuration, vehicle), desired, configuration.steps_a_piece)
+    planned = PlannedMotion(
+        build_planner(configuration, vehicle),
+        desired,
+        configuration.steps_a_piece,
+        stride=configuration.forecasts_a_piece,
+        begin_at_sight=configuration.desired_bearing.phase == "measured",
+    )
+    if section.startup_deviation == 0.0:
+        return planned
+    return CrossFirst(
+        planned,
+        vehicle,
+        period,
+        axis=configuration.desired_bearing.axis or (0.0, 0.0, 1.0),
+        deviation=section.startup_deviation,
+        speed=section.startup_speed,
+        opening=section.startup_opening,
+        leg=section.startup_leg_s,
+    )
 
 
-def build_start(configuration: Configuration, vehicle: Vehicle, rng: np.random.Generator) -> Array:
-    """Derivatives 0 … L-1 of the flat output at the start ``(L, n)``: at rest, somewhere in the box."""
-    section = configuration.vehicle.start
-    box = rng.uniform(-section.box_m, section.box_m, configuration.dimension)
+def build_start(configuration: Configuration, vehicle: Vehicle, rng: np.random.Generator, target: Array) -> Array:
+    """Derivatives 0 … L-1 of the flat output at the start ``(L, n)``: at rest, at a given place.
+
+    Or somewhere in the box, or at a given distance from where the target starts, ``target`` ``(d,)``; in space within
+    30° of its level.
+    """
+    section, d = configuration.vehicle.start, configuration.dimension
+    place = rng.uniform(-section.box_m, section.box_m, d)
+    if section.range_m is not None:
+        azimuth, elevation = rng.uniform(-math.pi, math.pi), rng.uniform(-0.5, 0.5) if d == 3 else 0.0
+        level = math.sqrt(1.0 - elevation**2)
+        away = [level * math.cos(azimuth), level * math.sin(azimuth), elevation]
+        place = target + section.range_m * np.array(away[:d])
     flat = np.zeros((configuration.planner.degree, vehicle.flat_dimension))
-    flat[0, : configuration.dimension] = box if section.position_m is None else section.position_m
+    flat[0, :d] = place if section.position_m is None else section.position_m
     if vehicle.flat_dimension > configuration.dimension:
         flat[0, configuration.dimension] = math.radians(section.yaw_deg)
     return flat
@@ -215,10 +256,10 @@ def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
     """The closed loop of a configuration, and where the vehicle starts ``(L, n)``."""
     streams = Streams.of(configuration.seed)
     vehicle = build_vehicle(configuration)
-    target = build_target(configuration)
+    target = build_target(configuration, streams.target)
     _check_own(configuration, target, vehicle)
-    desired = paced(configuration, build_desired_bearing(configuration), vehicle)
-    start = build_start(configuration, vehicle, streams.start)
+    desired = paced(configuration, build_desired_bearing(configuration, vehicle), vehicle)
+    start = build_start(configuration, vehicle, streams.start, target.position(0.0))
     loop = ClosedLoop(
         target=target,
         sensor=build_sensor(configuration),
@@ -228,6 +269,7 @@ def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
         desired=desired,
         window=configuration.tracker.window,
         forecast=configuration.tracker.forecast,
+        forecast_period=configuration.forecast_period,
         follow=configuration.vehicle.follow,
         bound_delta=getattr(configuration.tracker, "bound_delta", math.nan),
         rng=streams.sensor,

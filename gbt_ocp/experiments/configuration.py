@@ -84,6 +84,32 @@ class ManoeuvreTarget(Section):
     every_s: float = key(10.0, "Time between jumps in s.", "a number > 0", gt=0.0)
 
 
+def _increasing(value: tuple[float, float]) -> tuple[float, float]:
+    if not 0.0 < value[0] <= value[1]:
+        raise ValueError("not increasing")
+    return value
+
+
+class TurningTarget(Section):
+    """A boat whose turn rate is drawn anew every so often."""
+
+    kind: Literal["turning"] = Field(description="Random turns at a steady or slowly varying speed.")
+    start_m: PositionNumbers | None = key(None, "Where it starts, in m; null is the origin.", "null, or {d} numbers")
+    speed: float = key(1.0, "Horizontal speed in m/s; the median where it varies.", "a number > 0", gt=0.0)
+    speed_std: float = key(
+        0.0, "Standard deviation of the logarithm of the speed, correlated over 40 s.", "a number >= 0", ge=0.0
+    )
+    turn_rate_max: float = key(
+        0.05, "Turn rates are uniform within plus and minus this, in rad/s.", "a number >= 0", ge=0.0
+    )
+    hold_s: Annotated[tuple[float, float], BeforeValidator(as_tuples), AfterValidator(_increasing)] = key(
+        (20.0, 40.0), "Least and largest time in s for which a turn rate is held.", "two increasing numbers > 0"
+    )
+    climb_rate_max: float = key(
+        0.1, "Vertical speeds are uniform within plus and minus this in m/s, in space.", "a number >= 0", ge=0.0
+    )
+
+
 class TrackTarget(Section):
     """A recorded track."""
 
@@ -165,12 +191,24 @@ class DesiredBearing(Section):
         "a whole number >= 1, or null beside period_s",
         ge=1,
     )
-    period_s: float | None = key(None, "Time of a turn in s, instead of m.", "a number > 0, or null beside m", gt=0.0)
+    period_s: Positive | Literal["auto"] | None = key(
+        None,
+        "Time of a turn in s, instead of m; auto, the default beside limits.range.nearest_m, is the vehicle's fastest.",
+        "a number > 0, auto, or null beside m",
+    )
     speed_mps: Literal["sensor"] | Positive | None = key(
         "sensor",
         "Speed in m/s that going round the target may ask for; farther away the bearing turns more slowly. sensor: "
         "with noisy bearings the speed that the vehicle keeps up, else null. null: never slower.",
         "sensor, null, or a number > 0",
+    )
+    target_speed: float = key(
+        1.0, "Speed of the target in m/s that the vehicle can keep up with while it circles.", "a number >= 0", ge=0.0
+    )
+    phase: Literal["fixed", "measured"] = key(
+        "fixed",
+        "Where the turn is: on from the x axis by the clock, or in each plan on from the present line of sight.",
+        "fixed, measured",
     )
     axis: Direction | None = key(
         None, "Axis of the turn, in space only (default [0, 0, 1]).", "3 numbers that are not all zero"
@@ -205,6 +243,9 @@ class Start(Section):
 
     position_m: PositionNumbers | None = key(
         None, "Position in m; null draws it uniformly from the box.", "null, or {d} numbers"
+    )
+    range_m: Positive | None = key(
+        None, "Distance in m from where the target starts, in a random direction, instead.", "null, or a number > 0"
     )
     box_m: float = key(5.0, "Half side of the box around the origin in m.", "a number >= 0", ge=0.0)
     yaw_deg: float = key(0.0, "Yaw in degrees, counter-clockwise from +x.", "a number")
@@ -253,7 +294,7 @@ class Configuration(Section):
     preset: Literal["default", "paper"] = key("default", "Fills what is not written.", "default, paper")
     seed: int = key(0, "Seed of every random draw.", "a whole number >= 0", ge=0)
     duration_s: float = key(30.0, "Length of the run in s.", "a number of at least two sampling periods", gt=0.0)
-    target: CaseTarget | ManoeuvreTarget | TrackTarget | ProblemTarget = Field(
+    target: CaseTarget | ManoeuvreTarget | TurningTarget | TrackTarget | ProblemTarget = Field(
         discriminator="kind", description="The target's motion (default: the problem's)."
     )
     sensor: Sensor = Field(default_factory=Sensor, description="The bearing sensor.")
@@ -284,6 +325,21 @@ class Configuration(Section):
     def steps_a_piece(self) -> int:
         """Sampling periods that a piece of the plan lasts."""
         return round((self.planner.period_s or self.sensor.period_s) / self.sensor.period_s)
+
+    @property
+    def standoff(self) -> float | None:
+        """Least range to the target in m, ``None`` without one."""
+        return self.limits.range.nearest_m if self.limits.range is not None else None
+
+    @property
+    def forecast_period(self) -> float:
+        """Time between two predicted positions in s."""
+        return self.tracker.forecast_period_s or self.sensor.period_s
+
+    @property
+    def forecasts_a_piece(self) -> int:
+        """Predicted positions that a piece of the plan lasts."""
+        return round((self.planner.period_s or self.sensor.period_s) / self.forecast_period)
 
     def to_mapping(self) -> dict[str, Any]:
         """The resolved configuration as plain lists, mappings and numbers: every default written out."""

@@ -58,15 +58,24 @@ def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
     period = _number(merged, ("sensor", "period_s"), Sensor.model_fields["period_s"].default)
     steps = 1.0
     piece = _number(merged, ("planner", "period_s"), None)
+    ahead = _number(merged, ("tracker", "forecast_period_s"), None)
+    if ahead is not None and period is not None and min(ahead, period) > 0.0:
+        share = (piece or period) / ahead
+        if abs(share - round(share)) > 1e-6 or round(share) < 1:
+            allowed = f"null, or a whole part of a piece, planner.period_s = {piece or period:.6g}"
+            yield Fault(("tracker", "forecast_period_s"), shown(ahead), allowed)
     if piece is not None and period is not None and min(piece, period) > 0.0:
         steps = piece / period
         if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
             allowed = f"null, or a whole multiple of sensor.period_s = {period:.6g}"
             yield Fault(("planner", "period_s"), shown(piece), allowed)
+    if ahead is not None and piece is not None and min(ahead, piece) > 0.0:
+        steps = piece / ahead
     if pieces is not None and forecast is not None and pieces * round(steps) > forecast >= 1:
         allowed = f"a whole number from 1 to tracker.forecast = {forecast} (p <= n)"
         if round(steps) > 1:
-            allowed = f"pieces of planner.period_s that last at most tracker.forecast = {forecast} sampling periods"
+            allowed = f"pieces of planner.period_s that last at most tracker.forecast = {forecast} "
+            allowed += "sampling periods" if ahead is None else "predicted positions"
         yield Fault(("planner", "pieces"), shown(pieces), allowed)
     if duration is not None and period is not None and duration < 2.0 * period:
         allowed = f"at least two sampling periods, {2.0 * period:.6g} s"
@@ -159,6 +168,8 @@ def _track(merged: Mapping[str, Any], dimension: int) -> Iterator[Fault]:
         _number(merged, ("sensor", "period_s"), Sensor.model_fields["period_s"].default),
         _number(merged, ("tracker", "forecast"), TrackerSection.model_fields["forecast"].default),
     )
+    period = _number(merged, ("tracker", "forecast_period_s"), values[3])
+    values = (*values[:3], period, values[4])
     numbers = [value for value in values if value is not None]
     if len(numbers) < len(values):
         return

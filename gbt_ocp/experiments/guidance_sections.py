@@ -24,6 +24,18 @@ class PlannerGuidance(Section):
     """The vehicle follows the planned trajectory."""
 
     kind: Literal["planner"] = Field(description="Trajectory optimisation.")
+    startup_deviation: float = key(
+        0.0,
+        "Until the range's posterior deviation is below this share of it, the vehicle crosses the line of sight; "
+        "0 plans at once.",
+        "a number >= 0",
+        ge=0.0,
+    )
+    startup_speed: float = key(3.0, "Speed in m/s at which it crosses.", "a number > 0", gt=0.0)
+    startup_leg_s: float = key(8.0, "Time in s after which it crosses the other way.", "a number > 0", gt=0.0)
+    startup_opening: float = key(
+        1.2, "Part of that speed in m/s that leads away from the target.", "a number >= 0", ge=0.0
+    )
 
 
 class StaticGuidance(Section):

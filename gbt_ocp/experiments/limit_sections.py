@@ -22,6 +22,11 @@ class RangeLimit(Section):
     confidence: float = key(
         0.95, "Probability with which each of the two is kept.", "a number in [0.5, 1)", ge=0.5, lt=1.0
     )
+    spread: Literal["forecast", "present"] = key(
+        "forecast",
+        "Spread of the posterior ahead: that of the forecast, or the present one, which further bearings will keep.",
+        "forecast, present",
+    )
 
 
 class DepthLimit(Section):

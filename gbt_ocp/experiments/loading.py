@@ -53,7 +53,7 @@ _ALTERNATIVES: dict[tuple[str, ...], tuple[str, str]] = {
 # Another kind brings other keys; these belong to every kind of their section and stay.
 _SHARED: dict[tuple[str, ...], tuple[str, ...]] = {
     ("vehicle",): ("start", "follow"),
-    ("tracker",): ("window", "forecast", "prior"),
+    ("tracker",): ("window", "forecast", "forecast_period_s", "prior"),
 }
 
 # The two Gaussian processes have these in common besides, so that a preset means the same to both.
@@ -101,7 +101,7 @@ def load_config(
 
     top = _merge(layers)
     chosen, problem = _problem(top.get("problem", "case2"), folder, layers, faults)
-    layers = [*_beneath(chosen, problem, top.get("preset", "default")), *layers]
+    layers = [*_beneath(chosen, problem, top.get("preset", "default"), top), *layers]
     merged = _merge(layers)
     merged["problem"] = chosen
     merged.setdefault("name", _as_name(name or (problem.name if problem else "run")))
@@ -209,7 +209,7 @@ def _problem(written: Any, folder: Path, layers: list[_Layer], faults: list[str]
         return chosen, None
 
 
-def _beneath(chosen: str, problem: TrackingProblem | None, preset: Any) -> list[_Layer]:
+def _beneath(chosen: str, problem: TrackingProblem | None, preset: Any, written: Mapping[str, Any]) -> list[_Layer]:
     """Layers weaker than what is written."""
     # Without a problem the rest is still checked, as far as that needs no dimension.
     layers = [_Layer("defaults", _DIMENSION_DEFAULTS[problem.dimension if problem else 2])]
@@ -222,6 +222,10 @@ def _beneath(chosen: str, problem: TrackingProblem | None, preset: Any) -> list[
         own: dict[str, Any] = {"target": target}
         if problem.vehicle is not None:
             own["vehicle"] = {"kind": "problem"}
+        # the paper's turns are for a vehicle that may touch its target
+        standoff = [value_at(values, ("limits", "range", "nearest_m")) for values in (problem.defaults, written)]
+        if any(isinstance(value, int | float) for value in standoff):
+            layers.append(_Layer("defaults", {"desired_bearing": {"period_s": "auto"}}))
         for layer in (_Layer(label, own), _Layer(label, _plain_mapping(problem.defaults))):
             _resolve_track(layer.values, path.parent)
             layers.append(layer)

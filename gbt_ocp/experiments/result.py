@@ -20,6 +20,7 @@ import yaml
 from numpy.typing import NDArray
 
 from gbt_ocp.experiments import run_folder
+from gbt_ocp.experiments.track_summary import track_numbers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,7 +32,7 @@ Array = NDArray[np.float64]
 WALL_CLOCK = ("solver_time", "tracker_time")
 """The arrays of a history that are measured by a clock: all the others repeat bit by bit for the same seed."""
 
-FALLBACKS = ("shifted", "cold", "braking")
+FALLBACKS = ("shifted", "cold", "relaxed", "braking")
 """The answers to a failed solve, in the order in which they are tried; a summary always counts all of them."""
 
 # Shape of each array: K steps, d space dimensions, z flat outputs, a thrust axes, n forecast times, p pieces.
@@ -107,7 +108,7 @@ class History:
     solver_iterations, solver_time, tracker_time
         ``(K,)``; count, s, s. Without a solver 0 iterations and NaN time.
     fallback
-        Answer to a failed solve: "" | "shifted" | "cold" | "braking"; ``(K,)`` text.
+        Answer to a failed solve: "" | "shifted" | "cold" | "relaxed" | "braking"; ``(K,)`` text.
     plan
         Endpoints of the planned pieces, ``(K, p, d+1)``; p may be 0.
 
@@ -227,6 +228,8 @@ def summarise(
     solver_first_try: NDArray[np.bool_],
     retries: Mapping[str, int],
     versions: Mapping[str, str],
+    forecast_period: float | None = None,
+    standoff: float | None = None,
 ) -> dict[str, Any]:
     """Numbers of a run, as they stand in ``summary.json`` (the paper's tables 2 and 3, and what explains them).
 
@@ -248,6 +251,10 @@ def summarise(
         Counts of what happened short of a fallback, for example nugget retries of the tracker.
     versions
         See `installed_versions`.
+    forecast_period
+        Time between two predicted positions, s; by default T.
+    standoff
+        Least range to the target, m, if there is one.
 
     Returns
     -------
@@ -256,7 +263,8 @@ def summarise(
     ``error_rms`` are over all steps, ``error_settled`` and ``error_settled_max`` over t_k >= settling, ``error_final``
     is the last step's. Distances are ‖P_A - P_T‖ at t_k. ``steps`` counts the sampling periods, K - 1. Similarities are
     of desired and true bearing, over the second half of the run. ``steps_over_period`` counts the steps in which
-    tracker and solver together took longer than T.
+    tracker and solver together took longer than T. To these come the numbers of
+    :func:`gbt_ocp.experiments.track_summary.track_numbers`, as far as they are defined.
 
     Raises
     ------
@@ -311,6 +319,7 @@ def summarise(
         "seed": seed,
         "versions": dict(versions),
     }
+    summary |= track_numbers(history, forecast_period or period, standoff)
     strict: dict[str, Any] = run_folder.strict(summary)
     return strict
 

@@ -15,12 +15,13 @@ from typing import Any
 from tqdm import tqdm
 
 from gbt_ocp.experiments.build import build_loop
+from gbt_ocp.experiments.build_desired import unreachable_bearings
 from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.experiments.faults import ConfigurationError
 from gbt_ocp.experiments.loading import load_config
 from gbt_ocp.experiments.result import History, Result, installed_versions, summarise
-from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.protocol import Guidance
+from gbt_ocp.guidance.startup import planner_of
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
 from gbt_ocp.simulation import simulate, step_count
@@ -61,7 +62,7 @@ def stalling_penalties(guidance: Guidance) -> list[str]:
     Only IPOPT with the penalty as printed follows the kink itself; the elastic form and the compiled solver are told
     it as inequalities and do not stall, however narrow it is (``gbt-ocp compare`` measures both).
     """
-    planner = guidance.planner if isinstance(guidance, PlannedMotion) else None
+    planner = planner_of(guidance)
     if not isinstance(planner, Planner) or not getattr(planner.solver, "prints_penalty", False):
         return []
     problem, found = planner.problem, []
@@ -101,7 +102,8 @@ def run(
     Warns
     -----
     RuntimeWarning
-        If the penalty is so stiff that Newton steps will stall; the summary has the same under ``warnings``.
+        If the vehicle cannot follow the desired bearing at its standoff, or the penalty is so stiff that Newton steps
+        will stall; the summary has the same under ``warnings``.
 
     Raises
     ------
@@ -121,7 +123,7 @@ def run(
         # What only shows when the parts are put together is still a fault of the input.
         raise ConfigurationError([f"{configuration.name}: {fault}"]) from fault
 
-    stalling = stalling_penalties(loop.guidance)
+    stalling = [*unreachable_bearings(configuration, loop.vehicle), *stalling_penalties(loop.guidance)]
     for line in stalling:
         warnings.warn(f"{configuration.name}: {line}", RuntimeWarning, stacklevel=2)
     period = configuration.sensor.period_s
@@ -152,9 +154,11 @@ def run(
             "clipped": recording.clipped,
         },
         versions=installed_versions(),
+        forecast_period=configuration.forecast_period,
+        standoff=configuration.standoff,
     )
     # `auto` says in the configuration that there was a choice, not what was chosen
-    planner = loop.guidance.planner if isinstance(loop.guidance, PlannedMotion) else None
+    planner = planner_of(loop.guidance)
     summary["solver"] = planner.solver.name if isinstance(planner, Planner) else None
     summary["warnings"] = stalling
     # the limits of a problem's own vehicle stand nowhere in its configuration

@@ -59,7 +59,10 @@ class TrackerSection(Section):
 
     kind: str = Field(description="Method.")
     window: int = key(20, "N_c, bearings kept (default 12 in space).", "a whole number >= 2", ge=2)
-    forecast: int = key(11, "n, sampling periods predicted ahead.", "a whole number >= 1", ge=1)
+    forecast: int = key(11, "n, sampling periods (or forecast_period_s) predicted ahead.", "a whole number >= 1", ge=1)
+    forecast_period_s: Positive | None = key(
+        None, "Time between predicted positions in s; null is one sampling period.", "null, or a number > 0"
+    )
     prior: Prior | None = key(
         None, "Prior knowledge of the position.", "null, or a mapping with position and one of std, covariance"
     )

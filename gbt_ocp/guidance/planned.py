@@ -31,16 +31,34 @@ class PlannedMotion:
         λ*(t).
     steps
         Sampling periods that a piece lasts.
+    stride
+        Predicted positions that a piece lasts; by default as many as ``steps``.
+    begin_at_sight
+        Whether each plan turns its desired bearing on from the present line of sight, instead of from where the turn
+        would be by the clock: a vehicle that falls behind need not catch up.
     """
 
     def __init__(
-        self, planner: Planner | ShootingPlanner, desired: DesiredBearing | PacedBearing, steps: int = 1
+        self,
+        planner: Planner | ShootingPlanner,
+        desired: DesiredBearing | PacedBearing,
+        steps: int = 1,
+        *,
+        stride: int | None = None,
+        begin_at_sight: bool = False,
     ) -> None:
         self.planner = planner
-        self._desired = desired
+        self.desired = desired
         self._steps = steps
+        self._stride = stride or steps
+        self._begin_at_sight = begin_at_sight
         self._plan: Plan | None = None
         self._followed = 0
+
+    def restart(self) -> None:
+        """Begin as at the first plan: what was planned is no longer where the vehicle is."""
+        self._plan = None
+        self.planner.reset()
 
     def decide(self, time: float, flat: Array, forecast: Forecast) -> Plan | ShootingPlan:
         """The plan from ``time`` on."""
@@ -50,18 +68,22 @@ class PlannedMotion:
             return replace(
                 self._plan,
                 elapsed=self._followed * problem.period / self._steps,
+                status="",
+                fallback="",
                 iterations=0,
                 solve_time=0.0,
                 tightened=0,
             )
-        if isinstance(self._desired, PacedBearing):
-            line = forecast.mean[0] - flat[0, : forecast.mean.shape[1]]
-            self._desired.pace(time, float(np.linalg.norm(line)))
+        line = forecast.mean[0] - flat[0, : forecast.mean.shape[1]]
+        if isinstance(self.desired, PacedBearing):
+            self.desired.pace(time, float(np.linalg.norm(line)))
+        elif self._begin_at_sight:
+            self.desired = self.desired.beginning_at(time, line)
         ends = time + problem.period * np.arange(1, problem.pieces + 1)
         # an estimator without a covariance is taken at its word
         covariance = np.nan_to_num(forecast.covariance, nan=0.0)
-        ahead = Forecast(forecast.mean[self._steps :: self._steps], covariance[self._steps :: self._steps])
+        ahead = Forecast(forecast.mean[self._stride :: self._stride], covariance[self._stride :: self._stride])
         present = Forecast(forecast.mean[0], covariance[0])
-        plan = self.planner.solve(flat, ahead, self._desired(ends), present=present)
+        plan = self.planner.solve(flat, ahead, self.desired(ends), present=present)
         self._plan, self._followed = plan if isinstance(plan, Plan) else None, 0
         return plan

@@ -21,7 +21,7 @@ class Plan:
     trajectory
         The flat output over the horizon.
     status
-        ``solved``, or the word of the solver for the first attempt of this step.
+        ``solved``, or the word of the solver for the first attempt of this step; empty while a plan is followed on.
     objective
         The objective without penalty, summed over the endpoints.
     violation
@@ -33,7 +33,8 @@ class Plan:
     solve_time
         Seconds of all attempts, fine-grid checks included.
     fallback
-        ``""``, ``shifted`` (the rest of the previous plan), ``cold`` (a cold solve) or ``braking``.
+        ``""``, ``shifted`` (the rest of the previous plan), ``cold`` (a cold solve), ``relaxed`` (hard limits on what
+        is only believed as penalties) or ``braking``.
     tightened
         How often the limits were tightened because the piece to be executed broke them between nodes.
     elapsed

@@ -13,11 +13,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.ocp.braking import BrakingPlanner
+from gbt_ocp.ocp.constraints import MovingConstraint
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.problem import TrajectoryProblem
 from gbt_ocp.ocp.solvers import ChecksLimits, Solution, Solver
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.ocp.transcription import Binding, LimitCheck, input_scale, objective_function
+from gbt_ocp.ocp.transcription import (
+    Binding,
+    LimitCheck,
+    constraint_function,
+    first_free_node,
+    input_scale,
+    objective_function,
+)
 
 Array = NDArray[np.float64]
 
@@ -40,15 +48,24 @@ class Planner:
 
     After every solve the true limits are checked on a fine grid. If the piece that will be executed breaks them
     between the nodes, the limits are tightened by what was found and the problem is solved again. A failed solve is
-    answered, in this order, by the rest of the previous plan if its next piece keeps the limits, by a cold solve, and
-    by a braking plan. A failed solution is never executed and never a warm start.
+    answered, in this order, by the rest of the previous plan if its next piece keeps the limits, by a solve with the
+    hard limits on what is only believed as penalties (:attr:`~gbt_ocp.ocp.problem.TrajectoryProblem.relaxed`; at once
+    where such a limit is broken at the start already), by a cold solve, and by a braking plan. A failed solution is
+    never executed and never a warm start.
 
     Made by :meth:`TrajectoryProblem.compile`.
     """
 
-    def __init__(self, problem: TrajectoryProblem, solver: Solver) -> None:
+    def __init__(self, problem: TrajectoryProblem, solver: Solver, relaxed: Solver | None = None) -> None:
         self.problem = problem
         self.solver = solver
+        self._relaxed = None if relaxed is None or problem.relaxed is None else Planner(problem.relaxed, relaxed)
+        # what the start decides: constraints of place and speed, but not of thrust
+        self._given = [
+            (number, constraint, constraint_function(problem, constraint))
+            for number, constraint in enumerate(problem.constraints)
+            if problem.judged[number] and first_free_node(problem, constraint) == 1
+        ]
         self._scale = input_scale(problem)
         self._binding = Binding(problem)
         self._check = solver.check if isinstance(solver, ChecksLimits) else LimitCheck(problem)
@@ -122,16 +139,30 @@ class Planner:
 
         shifted = None if self._previous is None else self._previous.shifted()
         guess = self.cold_guess(start) if shifted is None else shifted.top / self._scale
-        first = self._attempt(start, parameters, limits, guess, cold=shifted is None)
+        if self._relaxed is not None and self._broken_at_start(start, limits, believed=True) > 0.0:
+            # no plan undoes at once what is already so
+            first = _Attempt("limit broken at the start", None, np.zeros(0), 0, 0)
+            shifted_first = False
+        else:
+            first = self._attempt(start, parameters, limits, guess, cold=shifted is None)
+            shifted_first = True
         trajectory, pieces = first.trajectory, first.violation
         iterations, tightened = first.iterations, first.tightened
         fallback = ""
-        if trajectory is None and shifted is not None:
+        if trajectory is None and shifted is not None and shifted_first:
             # From where the vehicle really is, which is where the previous plan led unless it was pushed.
             candidate = FlatTrajectory(self.problem.period, start, shifted.top)
             broken = self._check(candidate, limits)
-            if broken[0] <= 0.0:
+            if broken[0] <= self._broken_at_start(start, limits, believed=False):
                 fallback, trajectory, pieces = "shifted", candidate, broken
+        if trajectory is None and self._relaxed is not None:
+            fallback = "relaxed"
+            believed = [limits[number] for number in self.problem.relaxed_order]
+            nearest = self._relaxed._attempt(start, parameters, believed, guess, cold=shifted is None)
+            trajectory = nearest.trajectory
+            if trajectory is not None:
+                pieces = self._check(trajectory, limits)
+            iterations, tightened = iterations + nearest.iterations, tightened + nearest.tightened
         if trajectory is None and shifted is not None:
             fallback = "cold"
             again = self._attempt(start, parameters, limits, self.cold_guess(start), cold=True)
@@ -153,6 +184,17 @@ class Planner:
             tightened=tightened,
         )
 
+    def _broken_at_start(self, start: Array, limits: list[Array], *, believed: bool) -> float:
+        """How far limits are broken where the plan begins, those on what is only believed or the others; at least 0."""
+        worst, still = 0.0, np.zeros(start.shape[1])
+        for number, constraint, function in self._given:
+            if isinstance(constraint, MovingConstraint) == believed:
+                moving = [limits[number][:, 0]] if limits and len(limits[number]) else []
+                value = np.asarray(function(start[0], start[1], still, *moving)).ravel()
+                over = np.maximum(value - constraint.upper, constraint.lower - value) / constraint.scale
+                worst = max(worst, float(over.max()))
+        return worst
+
     def cold_guess(self, start: Array) -> Array:
         """Coasting: constant velocity, any higher derivative brought to zero within the first piece."""
         guess = np.zeros((self.problem.pieces, start.shape[1]))
@@ -166,6 +208,8 @@ class Planner:
         """Solve, check the piece to be executed, tighten where needed."""
         nothing = np.zeros(0)
         tightening, iterations = 0.0, 0
+        # a speed that is too high already comes down within the piece; that is no reason to refuse it
+        allowed = self._broken_at_start(start, limits, believed=False)
         for tightened in range(TIGHTENINGS + 1):
             solution = self._answer(start, parameters, limits, guess, cold=cold, tightening=tightening)
             iterations += solution.iterations
@@ -176,7 +220,7 @@ class Planner:
             trajectory = FlatTrajectory(self.problem.period, start, solution.variables * self._scale)
             pieces = self._check(trajectory, limits)
             broken = float(pieces[0])
-            if broken <= 0.0:
+            if broken <= allowed:
                 return _Attempt(solution.status, trajectory, pieces, iterations, tightened)
             # a little more than was found, so that one round nearly always does it
             tightening += 1.2 * broken + 1e-4

@@ -112,6 +112,30 @@ class TrajectoryProblem:
         soft = (not isinstance(limit.constraint, MovingConstraint) for limit in self.penalties)
         return (*(True for _ in self.hard), *soft)
 
+    @property
+    def relaxed(self) -> TrajectoryProblem | None:
+        """The same problem with hard limits on what is only believed as penalties; ``None`` if there are none.
+
+        A forecast may jump so that no plan keeps a distance from it. This problem still has a plan: the one that gets
+        nearest to keeping it. Its :attr:`constraints` are those of the problem in the order of
+        :attr:`relaxed_order`.
+        """
+        believed = [limit for limit in self.hard if isinstance(limit.constraint, MovingConstraint)]
+        if not believed:
+            return None
+        kept = tuple(limit for limit in self.hard if not isinstance(limit.constraint, MovingConstraint))
+        softened = tuple(PenaltyLimit(limit.constraint, limit.nodes, 100.0, 0.01) for limit in believed)
+        return replace(self, hard=kept, penalties=(*self.penalties, *softened))
+
+    @property
+    def relaxed_order(self) -> tuple[int, ...]:
+        """Where each constraint of :attr:`relaxed` stands among :attr:`constraints`."""
+        moving = [isinstance(limit.constraint, MovingConstraint) for limit in self.hard]
+        kept = [number for number, moves in enumerate(moving) if not moves]
+        softened = [number for number, moves in enumerate(moving) if moves]
+        soft = [len(self.hard) + number for number in range(len(self.penalties))]
+        return (*kept, *soft, *softened)
+
     def compile(self, solver: str = "auto", options: Mapping[str, Any] | None = None) -> Planner:
         """Build the solver once; everything that changes from step to step is a parameter of it.
 
@@ -132,4 +156,9 @@ class TrajectoryProblem:
 
         if not self.objectives:
             raise ValueError("the problem has no objective; call maximize() first")
-        return Planner(self, make_solver(self, solver, options or {}))
+        relaxed = self.relaxed
+        return Planner(
+            self,
+            make_solver(self, solver, options or {}),
+            None if relaxed is None else make_solver(relaxed, solver, options or {}),
+        )

@@ -52,6 +52,9 @@ class RangeLimits:
         In metres; ``None`` for no limit. Violations are reported in units of them.
     confidence
         Probability in [0.5, 1) of each of the two.
+    foresee
+        Whether later knots have the spread of the forecast, which no further bearing narrows; or else that of the
+        present, since a plan made anew every piece is executed only as far as its first one.
 
     Raises
     ------
@@ -63,6 +66,7 @@ class RangeLimits:
     nearest: float | None = None
     farthest: float | None = None
     confidence: float = 0.95
+    foresee: bool = True
 
     def __post_init__(self) -> None:
         if self.nearest is None and self.farthest is None:
@@ -118,6 +122,8 @@ class RangeLimits:
     def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
         """Means ``(p+1, d, 1)`` and covariances ``(p+1, d, d)`` at the knots."""
         mean, covariance = moments_at_knots(pieces, data, self)
+        if not self.foresee:
+            covariance = np.tile(covariance[:1], (pieces + 1, 1, 1))
         return {"mean": mean[..., None], "covariance": covariance}
 
 

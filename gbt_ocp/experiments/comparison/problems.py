@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.experiments import build
+from gbt_ocp.experiments.build_desired import build_desired_bearing
 from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.ocp.plan import Plan
@@ -196,7 +197,7 @@ def draw(configuration: Configuration, count: int) -> Problems:
     """
     rng = np.random.default_rng(configuration.seed)
     vehicle = build.build_vehicle(configuration)
-    desired = build.build_desired_bearing(configuration)
+    desired = build_desired_bearing(configuration, vehicle)
     problem = build.build_problem(configuration, vehicle)
     d, n, p, period = configuration.dimension, vehicle.flat_dimension, problem.pieces, problem.period
     chosen = []
