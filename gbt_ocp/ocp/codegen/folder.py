@@ -138,7 +138,7 @@ def _sizes(draft: Path, scratch: Path) -> dict[str, int | str | None]:
     compiler, make, size = find_compiler(), shutil.which("make"), shutil.which("size")
     if compiler is None or make is None or size is None:
         return nothing
-    out = scratch / "sizes"
+    out = scratch.resolve() / "sizes"  # make runs in another folder
     command = [make, "-C", str(draft), f"OUT={out}", f"CC={compiler}"]
     built = subprocess.run(command, capture_output=True, text=True, check=False)
     if built.returncode != 0:
