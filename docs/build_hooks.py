@@ -48,6 +48,22 @@ _COMPARED = {
 }
 
 
+SECTIONS = {"howto": "How to", "tutorial": "Start"}
+"""Where pages of a folder belong that the navigation does not name; others are about how good it is."""
+
+
+def on_config(config: Any) -> Any:
+    """Add the pages that the navigation does not name, so that none is left out."""
+    text = str(config.nav)
+    docs = Path(config.docs_dir)
+    for path in sorted([*docs.rglob("*.md"), *docs.glob("*.ipynb")]):
+        name = path.relative_to(docs).as_posix()
+        if f"'{name}'" not in text:
+            title = SECTIONS.get(path.relative_to(docs).parts[0], "How good it is")
+            next(entry for entry in config.nav if title in entry)[title].append(name)
+    return config
+
+
 def on_files(files: Files, config: Any) -> Files:
     """Add the generated pages and pictures."""
     pages = {"gallery/index.md": gallery_page(), "command-line.md": command_line_page()}

@@ -92,14 +92,15 @@ def test_commands_parse(name):
             line = line.replace(placeholder, value)
         words = shlex.split(re.split(r";| > ", line)[0])
         assert words[0] in SUBCOMMANDS
-        if len(words) == 1:  # a subcommand that is merely named
+        if len(words) == 1 or "--help" in words:  # a subcommand that is merely named
             continue
         arguments = command_line.parser().parse_args(words)
         if not hasattr(arguments, "set"):  # a study has no configuration
             continue
         # Words in capitals stand for what a reader puts in.
         overrides = [text for text in arguments.set if not re.search(r"\b[A-Z]{3,}\b", text)]
-        for config in arguments.config if isinstance(arguments.config, list) else [arguments.config]:
+        configs = arguments.config if isinstance(arguments.config, list) else [arguments.config]
+        for config in filter(None, configs):  # a sweep that is taken up needs none
             load_config(source(config, (ROOT / name).parent), overrides=overrides)
 
 

@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -23,10 +24,14 @@ def test_the_drawing_of_the_rooms_is_that_of_the_code():
     assert module.DRAWING.read_text(encoding="utf-8") == module.drawing(), "run: python docs/draw_rooms.py"
 
 
-def test_every_page_is_in_the_navigation():
-    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
-    for path in [*DOCS.rglob("*.md"), *DOCS.glob("*.ipynb")]:
-        assert f": {path.relative_to(DOCS).as_posix()}\n" in text
+def test_the_navigation_names_pages_that_there_are():
+    """Pages that it does not name are added by docs/build_hooks.py, which makes two of them as well."""
+    named = re.findall(
+        r"^ +- .*: (\S+\.(?:md|ipynb))$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert len(named) > 15
+    for name in named:
+        assert name in ("gallery/index.md", "command-line.md") or (DOCS / name).is_file(), name
 
 
 def code_cells():
