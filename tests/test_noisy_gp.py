@@ -9,7 +9,8 @@ from gbt_ocp.tracking.bearing_noise import BearingNoise
 from gbt_ocp.tracking.displacement_kernels import DISPLACEMENT_KERNELS
 from gbt_ocp.tracking.gp import GaussianProcessTracker
 from gbt_ocp.tracking.likelihood import LogNormal
-from gbt_ocp.tracking.noisy_gp import MotionPriors, NoisyGaussianProcessTracker
+from gbt_ocp.tracking.noisy_gp import NoisyGaussianProcessTracker
+from gbt_ocp.tracking.range_hypotheses import MotionPriors
 
 ONE_DEGREE = np.radians(1.0)
 

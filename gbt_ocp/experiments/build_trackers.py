@@ -16,12 +16,13 @@ from gbt_ocp.tracking.imm import ImmPositionTracker, ImmPseudoLinearTracker, Int
 from gbt_ocp.tracking.likelihood import LogNormal
 from gbt_ocp.tracking.lmc import CoregionalizedTracker
 from gbt_ocp.tracking.motion_gp import MotionShapeTracker
-from gbt_ocp.tracking.noisy_gp import MotionPriors, NoisyGaussianProcessTracker
+from gbt_ocp.tracking.noisy_gp import NoisyGaussianProcessTracker
 from gbt_ocp.tracking.orthogonality import OrthogonalityTracker
 from gbt_ocp.tracking.plkf import PseudoLinearKalmanFilter
 from gbt_ocp.tracking.polynomial import PolynomialRegression
 from gbt_ocp.tracking.prior import PositionPrior
 from gbt_ocp.tracking.protocol import PositionTracker, Tracker
+from gbt_ocp.tracking.range_hypotheses import MotionPriors
 from gbt_ocp.tracking.shape_processes import LogNormalPrior, ShapePrior
 
 Array = NDArray[np.float64]

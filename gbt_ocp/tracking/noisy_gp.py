@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -18,10 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 from gbt_ocp.tracking.bearing_noise import BearingNoise
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
 from gbt_ocp.tracking.displacement_kernels import DISPLACEMENT_KERNELS
-from gbt_ocp.tracking.likelihood import LogNormal
 from gbt_ocp.tracking.motion_fit import Anchor, Mixture, MotionFit, Node, Solution, grid
 from gbt_ocp.tracking.posterior import Hyperparameters
 from gbt_ocp.tracking.protocol import Forecast
+from gbt_ocp.tracking.range_hypotheses import Hypothesis, MotionPriors, range_hypotheses, relative_range_std
 from gbt_ocp.tracking.relinearised import BearingRows, linearised
 from gbt_ocp.tracking.window import Window
 
@@ -35,12 +35,6 @@ LOST_AGAIN = 0.5
 
 FEWEST = 10
 """Samples before range may count as observable."""
-
-LADDER = 2.0
-"""Ratio of one range hypothesis to the next."""
-
-RUNG = 0.42
-"""Standard deviation of a hypothesis's range over its range: neighbouring ones overlap."""
 
 UNLIKELY = 7.0
 """Difference in log evidence from the best hypothesis beyond which one is left out of the mixture."""
@@ -56,42 +50,6 @@ LOST = 9.0
 
 GROSS = 16.0
 """Largest share of one innovation in that mean: no single outlier makes a lost track."""
-
-
-@dataclass(frozen=True)
-class MotionPriors:
-    """What is known of the target before any bearing.
-
-    Attributes
-    ----------
-    scale
-        Standard deviation on each axis: of the velocity in m/s under a ``velocity_`` kernel, else of the position in m.
-    length
-        Length scale in s.
-    range
-        Range in m at the first bearing.
-    position_std
-        Standard deviation in m on each axis of the target's position about the vehicle's, once range is observable.
-    """
-
-    scale: LogNormal = field(default_factory=lambda: LogNormal(1.0, 0.7))
-    length: LogNormal = field(default_factory=lambda: LogNormal(4.0, 0.8))
-    range: LogNormal = field(default_factory=lambda: LogNormal(5.0, 1.0))
-    position_std: float = 100.0
-
-    def __post_init__(self) -> None:
-        if not self.position_std > 0.0:
-            raise ValueError(f"position_std: found {self.position_std}; allowed: a number > 0")
-
-
-@dataclass
-class _Hypothesis:
-    """A prior position with the posterior that follows from it."""
-
-    mean: Array
-    covariance: Array
-    log_prior: float
-    mixture: Mixture | None = None
 
 
 class NoisyGaussianProcessTracker:
@@ -171,7 +129,7 @@ class NoisyGaussianProcessTracker:
         )
         self._start = np.zeros(dimension) if start is None else np.array(start, dtype=float)
         self._log_factor = 0.0
-        self._hypotheses: list[_Hypothesis] = []
+        self._hypotheses: list[Hypothesis] = []
         self._anchor_time = 0.0
         self._observable = False
         self._relative_spread = np.inf
@@ -271,22 +229,9 @@ class NoisyGaussianProcessTracker:
             self._known = None
         self._anchor_time = oldest
         if self._known is not None:
-            self._hypotheses = [_Hypothesis(*self._known, 0.0)]
+            self._hypotheses = [Hypothesis(*self._known, 0.0)]
             return
-        line = samples.bearings[:5].mean(axis=0)
-        size = np.linalg.norm(line)
-        line = line / size if size > 0.1 else samples.bearings[0]
-        along = np.outer(line, line)
-        prior = self._priors.range
-        reach = int(np.ceil(2.0 * prior.spread / np.log(LADDER)))
-        self._hypotheses = []
-        for k in range(-reach, reach + 1):
-            distance = prior.median * LADDER**k
-            covariance = distance**2 * (RUNG**2 * along + np.eye(self.dimension) - along)
-            log_prior = -0.5 * (k * np.log(LADDER) / prior.spread) ** 2
-            self._hypotheses.append(
-                _Hypothesis(samples.own_positions[0] + distance * line, covariance, float(log_prior))
-            )
+        self._hypotheses = range_hypotheses(samples, self._priors.range)
 
     def _compare(self, samples: BinnedBearings, nodes: Sequence[Node]) -> Mixture:
         """The mixture of the hypotheses by Laplace's evidence."""
@@ -312,11 +257,11 @@ class NoisyGaussianProcessTracker:
             return mixture
         return replace(mixture, parts=((*mixture.best, 1.0),))
 
-    def _last_node(self, one: _Hypothesis, nodes: Sequence[Node]) -> Node:
+    def _last_node(self, one: Hypothesis, nodes: Sequence[Node]) -> Node:
         """The hypothesis's likeliest hyperparameters, or the middle of the priors."""
         return nodes[len(nodes) // 2] if one.mixture is None else one.mixture.best[1].node
 
-    def _fit(self, one: _Hypothesis, anchor: Anchor, samples: BinnedBearings, nodes: Sequence[Node]) -> MotionFit:
+    def _fit(self, one: Hypothesis, anchor: Anchor, samples: BinnedBearings, nodes: Sequence[Node]) -> MotionFit:
         """The window linearised where the hypothesis has the target."""
         node = self._last_node(one, nodes)
         last = None if one.mixture is None else one.mixture.best
@@ -352,7 +297,7 @@ class NoisyGaussianProcessTracker:
         self._relative_spread = relative_range_std(self._mixture.predict(samples.times[:1]), samples.own_positions[:1])
         if not self._observable and len(samples) >= FEWEST and self._relative_spread < OBSERVABLE:
             self._observable = True
-            self._hypotheses = [_Hypothesis(*self._here(samples)[1:], 0.0, self._mixture)]
+            self._hypotheses = [Hypothesis(*self._here(samples)[1:], 0.0, self._mixture)]
         elif self._observable and self._relative_spread > LOST_AGAIN:
             self._observable, self._hypotheses = False, []
 
@@ -394,11 +339,3 @@ class NoisyGaussianProcessTracker:
     def bound(self, times: ArrayLike, delta: float) -> Array:
         """NaN ``(K,)``: theorem 1 is for one process and a fixed noise, not for an average over several."""
         return np.full(len(np.asarray(times)), np.nan)
-
-
-def relative_range_std(forecast: Forecast, own_positions: Array) -> float:
-    """Standard deviation along the line of sight over the range, at the first time of a forecast."""
-    line = forecast.mean[0] - own_positions[0]
-    distance = max(float(np.linalg.norm(line)), 1e-9)
-    sight = line / distance
-    return float(np.sqrt(max(sight @ forecast.covariance[0] @ sight, 0.0))) / distance
