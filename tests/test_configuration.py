@@ -319,6 +319,7 @@ def test_one_line_runs_with_the_defaults_of_the_design(tmp_path):
             "weight": 1000.0,
             "thrust_units": "normalised",
             "kappa": 1.0,
+            "objective": "similarity",
             "similarity": "signed",
             "range_pull": 0.2,
             "range_reference_m": 1.0,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gbt_ocp.bearings import DesiredBearing
 from gbt_ocp.experiments.build_desired import build_desired_bearing
 from gbt_ocp.experiments.build_limits import with_limits
+from gbt_ocp.experiments.build_objective import build_joint, build_objective, build_past
 from gbt_ocp.experiments.build_trackers import build_tracker
 from gbt_ocp.experiments.configuration import (
     Configuration,
@@ -36,12 +37,13 @@ from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.guidance.startup import CrossFirst
-from gbt_ocp.ocp import BearingSimilarity, Objective, Planner, RangePull, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp import Planner, RangePull, ThrustLimit, TrajectoryProblem
 from gbt_ocp.sensors import BearingSensor
 from gbt_ocp.simulation import ClosedLoop
 from gbt_ocp.targets import Target, case_target
 from gbt_ocp.targets import TrackTarget as RecordedTarget
 from gbt_ocp.targets import TurningTarget as RandomTurns
+from gbt_ocp.tracking.protocol import PositionTracker, Tracker
 from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenParameters, Vehicle
 from gbt_ocp.vehicles import FossenVehicle as Fossen
 
@@ -140,9 +142,7 @@ def build_problem(configuration: Configuration, vehicle: Vehicle) -> TrajectoryP
     section, dimension = configuration.planner, configuration.dimension
     period = section.period_s or configuration.sensor.period_s
     problem = TrajectoryProblem(vehicle, section.pieces, period, section.degree)
-    own = configuration.problem_object.objective
-    similarity = BearingSimilarity(dimension, section.kappa, section.similarity == "axial")
-    problem = problem.maximize(similarity if own is None else cast(Objective, own()))
+    problem = problem.maximize(build_objective(configuration))
     if section.range_pull > 0.0:
         problem = problem.maximize(RangePull(dimension, section.range_pull, section.range_reference_m))
     limit = ThrustLimit(vehicle, section.gamma, section.thrust_units)
@@ -167,9 +167,13 @@ def build_planner(configuration: Configuration, vehicle: Vehicle) -> Planner:
 
 
 def build_guidance(
-    configuration: Configuration, vehicle: Vehicle, desired: DesiredBearing | PacedBearing, rng: np.random.Generator
+    configuration: Configuration,
+    vehicle: Vehicle,
+    desired: DesiredBearing | PacedBearing,
+    rng: np.random.Generator,
+    tracker: Tracker | PositionTracker | None = None,
 ) -> Guidance:
-    """The observer strategy."""
+    """The observer strategy; the tracker for a plan whose objective asks it for more than a forecast."""
     section = configuration.guidance
     if isinstance(section, StaticGuidance):
         return Static(vehicle)
@@ -197,12 +201,16 @@ def build_guidance(
             range_gain=section.range_gain,
             range_damping=section.range_damping,
         )
+    planner = build_planner(configuration, vehicle)
+    objective = planner.problem.objectives[0]
     planned = PlannedMotion(
-        build_planner(configuration, vehicle),
+        planner,
         desired,
         configuration.steps_a_piece,
         stride=configuration.forecasts_a_piece,
         begin_at_sight=configuration.desired_bearing.phase == "measured",
+        past=build_past(configuration, objective),
+        joint=build_joint(configuration, objective, tracker),
     )
     if section.startup_deviation == 0.0:
         return planned
@@ -260,11 +268,12 @@ def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
     _check_own(configuration, target, vehicle)
     desired = paced(configuration, build_desired_bearing(configuration, vehicle), vehicle)
     start = build_start(configuration, vehicle, streams.start, target.position(0.0))
+    tracker = build_tracker(configuration, start[0, : configuration.dimension])
     loop = ClosedLoop(
         target=target,
         sensor=build_sensor(configuration),
-        tracker=build_tracker(configuration, start[0, : configuration.dimension]),
-        guidance=build_guidance(configuration, vehicle, desired, streams.guidance),
+        tracker=tracker,
+        guidance=build_guidance(configuration, vehicle, desired, streams.guidance, tracker),
         vehicle=vehicle,
         desired=desired,
         window=configuration.tracker.window,

@@ -167,6 +167,19 @@ class Planner(Section):
     kappa: Annotated[float, AfterValidator(_above_minus_d)] = key(
         1.0, "κ, spread of the sigma points.", "a number > -{d} (κ > -d)"
     )
+    objective: Literal[
+        "similarity",
+        "fisher_logdet",
+        "fisher_trace",
+        "fisher_min_eigenvalue",
+        "posterior_variance",
+        "condition_number",
+    ] = key(
+        "similarity",
+        "What the plan maximises (of the variance and the condition number: minimises); all but similarity and "
+        "fisher_trace need IPOPT.",
+        "similarity, fisher_logdet, fisher_trace, fisher_min_eigenvalue, posterior_variance, condition_number",
+    )
     similarity: Literal["signed", "axial"] = key(
         "signed",
         "Whether a bearing opposite to the desired one counts as the worst, as in the paper, or the same.",

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.bearings import DesiredBearing
 from gbt_ocp.guidance.pacing import PacedBearing
+from gbt_ocp.guidance.past import PastBearings
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.shooting import ShootingPlanner
@@ -36,6 +39,10 @@ class PlannedMotion:
     begin_at_sight
         Whether each plan turns its desired bearing on from the present line of sight, instead of from where the turn
         would be by the clock: a vehicle that falls behind need not catch up.
+    past
+        Where bearings are kept for an objective that counts those of the window.
+    joint
+        What the tracker knows of the positions at the endpoints together, for an objective that needs it.
     """
 
     def __init__(
@@ -46,14 +53,29 @@ class PlannedMotion:
         *,
         stride: int | None = None,
         begin_at_sight: bool = False,
+        past: PastBearings | None = None,
+        joint: Callable[[ArrayLike], Any] | None = None,
     ) -> None:
         self.planner = planner
         self.desired = desired
         self._steps = steps
         self._stride = stride or steps
         self._begin_at_sight = begin_at_sight
+        self._past = past
+        self._joint = joint
+        self._seen: Array | None = None
         self._plan: Plan | None = None
         self._followed = 0
+
+    def see(self, bearing: Array | None) -> None:
+        """Take note of the bearing ``(d,)`` measured now, before the decision."""
+        self._seen = bearing
+
+    def remember(self, time: float, flat: Array, forecast: Forecast) -> None:
+        """Keep the bearing measured now, with the range at which the target is believed."""
+        if self._past is not None and self._seen is not None:
+            line = forecast.mean[0] - flat[0, : forecast.mean.shape[1]]
+            self._past.add(time, self._seen, float(np.linalg.norm(line)))
 
     def restart(self) -> None:
         """Begin as at the first plan: what was planned is no longer where the vehicle is."""
@@ -62,6 +84,7 @@ class PlannedMotion:
 
     def decide(self, time: float, flat: Array, forecast: Forecast) -> Plan | ShootingPlan:
         """The plan from ``time`` on."""
+        self.remember(time, flat, forecast)
         problem = self.planner.problem
         self._followed += 1
         if self._plan is not None and self._followed < self._steps:
@@ -84,6 +107,11 @@ class PlannedMotion:
         covariance = np.nan_to_num(forecast.covariance, nan=0.0)
         ahead = Forecast(forecast.mean[self._stride :: self._stride], covariance[self._stride :: self._stride])
         present = Forecast(forecast.mean[0], covariance[0])
-        plan = self.planner.solve(flat, ahead, self.desired(ends), present=present)
+        more: dict[str, Any] = {}
+        if self._past is not None:
+            more["past"] = self._past.information
+        if self._joint is not None:
+            more["joint"] = self._joint(ends)
+        plan = self.planner.solve(flat, ahead, self.desired(ends), present=present, **more)
         self._plan, self._followed = plan if isinstance(plan, Plan) else None, 0
         return plan

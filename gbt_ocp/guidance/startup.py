@@ -81,6 +81,10 @@ class CrossFirst:
         """λ* of what follows."""
         return self.planned.desired
 
+    def see(self, bearing: Array | None) -> None:
+        """Take note of the bearing ``(d,)`` measured now."""
+        self.planned.see(bearing)
+
     def decide(self, time: float, flat: Array, forecast: Forecast) -> Plan | ShootingPlan | Array:
         """The thrust that crosses, or the plan."""
         d = forecast.mean.shape[1]
@@ -95,6 +99,7 @@ class CrossFirst:
         if known:
             self._began = None
             return self.planned.decide(time, flat, forecast)
+        self.planned.remember(time, flat, forecast)
         if self._began is None:
             self._began = time
         sense = 1.0 if int((time - self._began) / self._leg + 1e-9) % 2 == 0 else -1.0

@@ -1,8 +1,9 @@
 """The optimal-control toolbox: trajectory problems of flat vehicles, posed by verbs and solved again and again."""
 
 from gbt_ocp.ocp.constraints import Constraint, MovingConstraint, PathConstraint, ThrustLimit
+from gbt_ocp.ocp.information import FisherInformation, NearInformation, PosteriorVariance
 from gbt_ocp.ocp.motion_limits import SpeedLimit, YawRateLimit
-from gbt_ocp.ocp.objectives import BearingSimilarity, Moments, Objective, RangePull
+from gbt_ocp.ocp.objectives import BearingSimilarity, JointObjective, Moments, Objective, RangePull
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.problem import TrajectoryProblem
@@ -15,16 +16,20 @@ __all__ = [
     "Constraint",
     "DepthLimits",
     "FieldOfView",
+    "FisherInformation",
     "FlatPoint",
     "FlatTrajectory",
+    "JointObjective",
     "KeepOut",
     "KeepOutPolygon",
     "Moments",
     "MovingConstraint",
+    "NearInformation",
     "Objective",
     "PathConstraint",
     "Plan",
     "Planner",
+    "PosteriorVariance",
     "RangeLimits",
     "RangePull",
     "SpeedLimit",

@@ -7,7 +7,7 @@ where a forecast comes from.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -44,6 +44,24 @@ class Objective(Protocol):
 
     def value(self, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
         """The term at one endpoint, a CasADi scalar."""
+
+    def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
+        """Numbers for the parameters, ``(p, *shape)`` each, from the data given to a solve."""
+
+
+@runtime_checkable
+class JointObjective(Protocol):
+    """A term of the objective that couples the endpoints, maximised like a sum over them.
+
+    Only IPOPT takes it: the compiled solver's factorisation rests on sums over endpoints.
+    """
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[int, int]]:
+        """Parameters of one endpoint: name to matrix shape."""
+
+    def total(self, points: Sequence[FlatPoint], parameters: Sequence[Mapping[str, Any]]) -> Any:
+        """The term of all endpoints together, a CasADi scalar."""
 
     def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
         """Numbers for the parameters, ``(p, *shape)`` each, from the data given to a solve."""

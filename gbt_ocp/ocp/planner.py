@@ -8,7 +8,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -24,7 +23,7 @@ from gbt_ocp.ocp.transcription import (
     constraint_function,
     first_free_node,
     input_scale,
-    objective_function,
+    objective_total,
 )
 
 Array = NDArray[np.float64]
@@ -70,7 +69,7 @@ class Planner:
         self._binding = Binding(problem)
         self._check = solver.check if isinstance(solver, ChecksLimits) else LimitCheck(problem)
         self._braking = BrakingPlanner(problem, self._check)
-        self._objectives = [objective_function(problem, term).map(problem.pieces) for term in problem.objectives]
+        self._objectives = [objective_total(problem, term) for term in problem.objectives]
         self._previous: FlatTrajectory | None = None
 
     def reset(self) -> None:
@@ -107,7 +106,7 @@ class Planner:
         """The objective of any trajectory, without penalty."""
         ends = trajectory.sample(2)
         columns = [values[:, -1].T for values in ends]
-        return float(sum(float(ca.sum2(f(*columns, p))) for f, p in zip(self._objectives, parameters, strict=True)))
+        return float(sum(float(f(*columns, p)) for f, p in zip(self._objectives, parameters, strict=True)))
 
     def solve(self, state: ArrayLike, forecast: Any = None, desired: ArrayLike | None = None, **data: Any) -> Plan:
         """Plan from a state.

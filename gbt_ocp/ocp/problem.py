@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from gbt_ocp.ocp.constraints import Constraint, MovingConstraint
-from gbt_ocp.ocp.objectives import Objective
+from gbt_ocp.ocp.objectives import JointObjective, Objective
 from gbt_ocp.vehicles import Vehicle
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class TrajectoryProblem:
     pieces: int
     period: float
     degree: int = 2
-    objectives: tuple[Objective, ...] = field(default=(), kw_only=True)
+    objectives: tuple[Objective | JointObjective, ...] = field(default=(), kw_only=True)
     hard: tuple[HardLimit, ...] = field(default=(), kw_only=True)
     penalties: tuple[PenaltyLimit, ...] = field(default=(), kw_only=True)
 
@@ -77,7 +77,7 @@ class TrajectoryProblem:
         if not self.period > 0.0:
             raise ValueError(f"period must be positive, found {self.period}")
 
-    def maximize(self, objective: Objective) -> TrajectoryProblem:
+    def maximize(self, objective: Objective | JointObjective) -> TrajectoryProblem:
         """Add a term to the objective."""
         return replace(self, objectives=(*self.objectives, objective))
 

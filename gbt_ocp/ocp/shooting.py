@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.ocp.constraints import ThrustLimit
 from gbt_ocp.ocp.ipopt import ipopt_function, solution_of
+from gbt_ocp.ocp.objectives import JointObjective
 from gbt_ocp.ocp.plan import ShootingPlan
 from gbt_ocp.ocp.problem import TrajectoryProblem
 from gbt_ocp.ocp.solvers import Solution
@@ -79,6 +80,9 @@ class ShootingPlanner:
     ) -> None:
         if not problem.objectives:
             raise ValueError("the problem has no objective; call maximize() first")
+        joint = [type(term).__name__ for term in problem.objectives if isinstance(term, JointObjective)]
+        if joint:
+            raise ValueError(f"multiple shooting takes sums over the endpoints as objectives; found: {joint[0]}")
         limits = [limit for limit in problem.constraints if isinstance(limit, ThrustLimit)]
         others = [type(other).__name__ for other in problem.constraints if not isinstance(other, ThrustLimit)]
         if others or not limits:
@@ -96,7 +100,11 @@ class ShootingPlanner:
         self._pieces = problem.pieces * self.holds
         self._rollout = self.step.mapaccum(self._pieces)
         self._fine = self._integrator(CHECK_SUBSTEPS).mapaccum(self._pieces)
-        self._objectives = [objective_function(problem, term).map(problem.pieces) for term in problem.objectives]
+        self._objectives = [
+            objective_function(problem, term).map(problem.pieces)
+            for term in problem.objectives
+            if not isinstance(term, JointObjective)
+        ]
         self._accelerations = self._motion.map(problem.pieces)
         self._solver = ipopt_function(self._program(), options or {})
         self._previous: ShootingPlan | None = None

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.ocp.constraints import Constraint, MovingConstraint
-from gbt_ocp.ocp.objectives import Objective
+from gbt_ocp.ocp.objectives import JointObjective, Objective
 from gbt_ocp.ocp.penalty import smoothed_hinge, trapezoid_weights
 from gbt_ocp.ocp.problem import TrajectoryProblem
 from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory, propagate
@@ -84,7 +84,33 @@ def objective_function(problem: TrajectoryProblem, objective: Objective) -> ca.F
     )
 
 
-def stack_parameters(term: Objective | MovingConstraint, bound: Mapping[str, Array]) -> Array:
+def unstacked(shapes: Mapping[str, tuple[int, int]], stacked: Any) -> dict[str, Any]:
+    """Parameters by name out of what :func:`stack_parameters` stacked at one time, as CasADi expressions."""
+    found, offset = {}, 0
+    for name, (height, width) in shapes.items():
+        found[name] = ca.reshape(stacked[offset : offset + height * width], height, width)
+        offset += height * width
+    return found
+
+
+def objective_total(problem: TrajectoryProblem, objective: Objective | JointObjective) -> ca.Function:
+    """(Z, Ż, Z̈, parameters), one endpoint a column, -> the term of all endpoints together."""
+    if not isinstance(objective, JointObjective):
+        single = objective_function(problem, objective).map(problem.pieces)
+        columns = [ca.MX.sym(single.name_in(k), *single.size_in(k)) for k in range(4)]
+        return ca.Function("objective", columns, [ca.sum2(single(*columns))])
+    n, p = problem.vehicle.flat_dimension, problem.pieces
+    size = sum(height * width for height, width in objective.shapes.values())
+    ends = [ca.SX.sym(name, n, p) for name in ("z", "dz", "ddz")]
+    stacked = ca.SX.sym("p", size, p)
+    points, parameters = [], []
+    for k in range(p):
+        points.append(FlatPoint(*(values[:, k] for values in ends)))
+        parameters.append(unstacked(objective.shapes, stacked[:, k]))
+    return ca.Function("objective", [*ends, stacked], [objective.total(points, parameters)])
+
+
+def stack_parameters(term: Objective | JointObjective | MovingConstraint, bound: Mapping[str, Array]) -> Array:
     """Numbers for the parameters of a term, one time a column ``(size, p)``, or ``(size, p+1)`` of a constraint."""
     columns = [np.asarray(bound[name]).transpose(0, 2, 1).reshape(len(bound[name]), -1) for name in term.shapes]
     return np.hstack(columns).T
@@ -163,10 +189,10 @@ def transcribe(problem: TrajectoryProblem) -> Transcription:
 
     parameters, objective = [ca.vec(start)], ca.MX(0)
     for term in problem.objectives:
-        function = objective_function(problem, term)
+        function = objective_total(problem, term)
         values = ca.MX.sym("p", function.size1_in(3), p)
         parameters.append(ca.vec(values))
-        objective += ca.sum2(function.map(p)(*at(np.array([problem.period])), values))
+        objective += function(*at(np.array([problem.period])), values)
 
     moving = {}
     for number, constraint in enumerate(problem.constraints):
@@ -255,7 +281,7 @@ class Binding:
             for constraint in self.problem.constraints
         ]
 
-    def _bound(self, term: Objective | MovingConstraint, count: int, data: Mapping[str, Any]) -> Array:
+    def _bound(self, term: Objective | JointObjective | MovingConstraint, count: int, data: Mapping[str, Any]) -> Array:
         values = term.bind(self.problem.pieces, data)
         for name, shape in term.shapes.items():
             found = np.shape(values[name])

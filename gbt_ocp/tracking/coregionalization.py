@@ -126,6 +126,9 @@ class CoregionalizedPosterior(Conditional):
         k = self._latent(times[:, None] - others[None, :])
         return np.asarray(np.einsum("aq,qij,bq->ijab", weights, k, weights))
 
+    def _among(self, times: Array) -> Array:
+        return self.covariances(times, times).transpose(0, 2, 1, 3)
+
     def _cross(self, times: Array) -> Array:
         k = self._latent(self._data.times[:, None] - times[None, :])
         return np.asarray(np.einsum("rq,qrk,dq->rkd", self._seen, k, self._theta.weights))

@@ -85,6 +85,7 @@ class Conditional:
 
     def __init__(self, measurements: Measurements, centre: Array, process: Array, noise: float) -> None:
         self._data = measurements
+        self.noise = noise
         self._centre = centre
         omega = process
         omega[np.diag_indices_from(omega)] += noise + measurements.variances
@@ -103,6 +104,18 @@ class Conditional:
     def _cross(self, times: Array) -> Array:
         """Ω*_yP: rows of measurements against each coordinate at each time ``(R, K, d)``."""
         raise NotImplementedError
+
+    def _among(self, times: Array) -> Array:
+        """Prior covariance of the positions at the times ``(K, d, K, d)``."""
+        raise NotImplementedError
+
+    def joint_covariance(self, times: Array) -> Array:
+        """Posterior covariance of the positions at the times with each other ``(K, d, K, d)`` in m²."""
+        cross = self._cross(times)
+        rows, count, dimension = cross.shape
+        solved = lapack.dtrtrs(self._factor, cross.reshape(rows, -1), lower=1)[0]
+        shared = (solved.T @ solved).reshape(count, dimension, count, dimension)
+        return np.asarray(self._among(times) - shared)
 
     def predict(self, times: Array) -> Forecast:
         """μ ``(K, d)`` and Σ ``(K, d, d)`` at the times ``(K,)`` (``eq16``, ``eq17``)."""
@@ -151,6 +164,10 @@ class Posterior(Conditional):
     def prior_covariance(self) -> Array:
         """``a² I`` ``(d, d)`` in m²."""
         return np.asarray(self._variance * np.eye(len(self._centre)))
+
+    def _among(self, times: Array) -> Array:
+        k = self._variance * self._kernel(times[:, None] - times[None, :], self._theta.log_kernel)
+        return np.asarray(k[:, None, :, None] * np.eye(len(self._centre))[None, :, None, :])
 
     def _cross(self, times: Array) -> Array:
         k = self._variance * self._kernel(self._data.times[:, None] - times[None, :], self._theta.log_kernel)

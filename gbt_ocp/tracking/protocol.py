@@ -25,6 +25,31 @@ class Forecast(NamedTuple):
     covariance: Array
 
 
+class JointForecast(NamedTuple):
+    """What a Gaussian process knows of positions at K times together, and of bearings to come.
+
+    Attributes
+    ----------
+    covariance
+        ``(K, d, K, d)`` in m².
+    floor, angle_variance
+        Variance of a further bearing across the line of sight at a range r: ``floor + angle_variance r²``, in m² and
+        rad².
+    """
+
+    covariance: Array
+    floor: float
+    angle_variance: float
+
+
+@runtime_checkable
+class JointlyGaussian(Protocol):
+    """A tracker that knows how positions at several times vary together, whatever will be measured."""
+
+    def joint(self, times: ArrayLike) -> JointForecast:
+        """Of the target's positions at the times ``(K,)`` in seconds."""
+
+
 class Tracker(Protocol):
     """Estimates where the target is and will be, from bearings alone."""
 

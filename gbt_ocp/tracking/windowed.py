@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.tracking.posterior import AnyPosterior
-from gbt_ocp.tracking.protocol import Forecast
+from gbt_ocp.tracking.protocol import Forecast, JointForecast
 from gbt_ocp.tracking.window import Measurements, Window
 
 Array = NDArray[np.float64]
@@ -149,3 +149,8 @@ class WindowedTracker(ABC, Generic[AnyPosterior]):
     def prior_covariance(self) -> Array:
         """Prior covariance of the position at any time under θ ``(d, d)`` in m²."""
         return self.posterior.prior_covariance
+
+    def joint(self, times: ArrayLike) -> JointForecast:
+        """Posterior covariance of the positions at the times ``(K,)`` with each other, and the nugget's variance."""
+        t = np.asarray(times, dtype=float)
+        return JointForecast(self.posterior.joint_covariance(t), self.posterior.noise, 0.0)

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.ocp.braking import drift
-from gbt_ocp.ocp.codegen.expressions import c_function, c_source
+from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_function, c_source
 from gbt_ocp.ocp.constraints import Constraint
-from gbt_ocp.ocp.objectives import FromMoments
+from gbt_ocp.ocp.objectives import FromMoments, JointObjective
 from gbt_ocp.ocp.problem import HardLimit, PenaltyLimit, TrajectoryProblem
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.ocp.transcription import FINE_POINTS, constraint_value, first_free_node, input_scale, limit_size
@@ -157,6 +157,11 @@ def _objective(problem: TrajectoryProblem, parameters: int) -> tuple[list[ca.Fun
     point, stacked, weight = ca.SX.sym("point", 3 * size), ca.SX.sym("p", parameters), ca.SX.sym("weight")
     value, offset = ca.SX(0), 0
     for term in problem.objectives:
+        if isinstance(term, JointObjective):
+            raise NotGenerableError(
+                f"planner.solver: found compiled, which takes sums over the endpoints of a plan; allowed: ipopt, since "
+                f"the objective {type(term).__name__} couples them"
+            )
         symbols = {}
         for name, (rows, columns) in term.shapes.items():
             symbols[name] = ca.reshape(stacked[offset : offset + rows * columns], rows, columns)
