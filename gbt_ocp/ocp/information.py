@@ -55,7 +55,7 @@ def smooth_smallest(matrix: Any) -> Any:
 
 @dataclass(frozen=True)
 class FisherInformation:
-    """A number of the information matrix ``J = past + Σ w(r_i) (I - λ_i λ_iᵀ)``, times the number of planned bearings p.
+    """A number of the information matrix ``J = past + Σ w(r_i) (I - λ_i λ_iᵀ)`` of p planned bearings.
 
     λ_i and r_i are direction and range from endpoint i to the forecast's mean, and ``w(r) = ρ²/(r² + (ρ/10)²)``.
     ``logdet`` is ``(p/d) log det (J/p)``, ``trace`` is ``tr J/d``, ``min_eigenvalue`` the smallest eigenvalue of J
