@@ -40,7 +40,7 @@ def few():
         patch.setattr(sensitivity, "WEIGHTS", (100.0,))
         patch.setattr(sensitivity, "GAMMAS", (0.9, 0.98))
         patch.setattr(sensitivity, "NODES", (1, 4))
-        patch.setattr(sensitivity, "PROBLEMS", 2)
+        patch.setattr(sensitivity, "PROBLEMS", {IPOPT: 2, COMPILED: 2})
         patch.setattr("gbt_ocp.experiments.comparison.open_loop.STARTS", 3)
         yield
 

@@ -105,6 +105,8 @@ def _distributions(
             y = np.arange(1, len(x) + 1) / len(mine)
             axes.step(x, y, where="post", color=COLOURS[formulation], linestyle=LINES[solver])
         axes.set_xscale(scale, **options)
+        if scale == "symlog":
+            axes.set_xticks([-0.1, 0.0, 1e-3, 1e-2, 1e-1, 1.0], ["-0.1", "0", "0.001", "0.01", "0.1", "1"])
         axes.set_ylim(0.0, 1.02)
     for axes in panels[-2:]:
         axes.set_xlabel(label)
@@ -136,7 +138,7 @@ def _objective(tables: dict[str, list[Row]]) -> Figure | None:
     return _distributions(
         tables["solves"],
         lambda rows: _values(rows, "gap"),
-        "objective below the best known one",
+        "gap to the best known objective",
         "symlog",
         linthresh=1e-3,
     )
@@ -227,6 +229,8 @@ def _sensitivity(tables: dict[str, list[Row]]) -> Figure | None:
     for axes in (left, right):
         axes.set_xscale("log")
         axes.set_xlabel("stiffness of the kink, w_p T/n_c / (2ϖ)")
+        axes.set_xticks([10.0**k for k in range(1, 9, 2)])
+        axes.set_xticks([], minor=True)
     left.set_ylabel("solved [%]")
     left.set_ylim(-3.0, 103.0)
     right.set_yscale("log")

@@ -77,7 +77,9 @@ class Plan:
     def seeds(self, pair: Pair, case: int) -> int:
         """Seeds that a pair gets in closed loop of an experiment."""
         share = share_of(pair)
-        return max(1, round(self.runs * share.seeds)) if share.everywhere or case == 0 else 0
+        if share.seeds == 0.0 or (case > 0 and not share.everywhere):
+            return 0
+        return max(1, round(self.runs * share.seeds))
 
 
 def share_of(pair: Pair) -> Share:

@@ -27,8 +27,8 @@ NODES = (1, 2, 4, 8, 20)
 FORMS = {"penalty": "printed", "elastic": "elastic"}
 """Formulations that are swept over ϖ, w_p and units with IPOPT, and how IPOPT is told the penalty in each."""
 
-PROBLEMS = 4
-"""Problems of a configuration on which IPOPT is swept, half recorded and half random; the compiled solver takes all."""
+PROBLEMS = {IPOPT: 4, COMPILED: 40}
+"""Problems of a configuration on which a solver is swept, half recorded and half random."""
 
 
 @dataclass(frozen=True)
@@ -102,12 +102,10 @@ def solve_sweep(configuration: Configuration, problems: Problems, sweep: Sweep, 
 
 def sample(problems: Problems, pair: Pair) -> Problems:
     """The problems that a pair is swept on."""
-    if pair.solver == COMPILED:
-        return problems
     numbers: list[int] = []
     for origin in (RECORDED, RANDOM):
         there = np.flatnonzero(problems.origin == origin)
-        count = min(PROBLEMS // 2, len(there))
+        count = min(PROBLEMS[pair.solver] // 2, len(there))
         # inside: the very first one is the first step of a run, which has no plan before it
         inside = np.linspace(0, len(there) - 1, count + 2)[1:-1]
         numbers += there[inside.round().astype(int)].tolist()
