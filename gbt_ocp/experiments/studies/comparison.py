@@ -103,8 +103,7 @@ def conduct_table(workbench: Workbench, name: str, title: str, cases: Sequence[s
         f"value the one of its table. {FULL_POSITIONS} sees full positions; methods with FIM placement move without "
         f"dynamics. {POLYNOMIAL_SETTLED} is PR with the parameters that make the settled error small. *Lost* runs "
         "raised an error or overflowed, and count in no mean.",
-        f"Parameters by grid search over seeds {tuning.SEEDS[0]} to {tuning.SEEDS[-1]} "
-        f"and {tuning.DURATION_S:g} s, each case by itself"
+        f"Parameters by grid search, {tuning.searched_on(cases)}, each case by itself"
         + (
             ", in this study; every score is in the table of the grid."
             if scores
@@ -175,7 +174,7 @@ def _score_tables(name: str, chosen: tuning.Chosen, scores: list[tuning.Score]) 
 
     keys = list(dict.fromkeys(key for score in scores for key in score[2]))
     table = Table(
-        f"Grid search on seeds {tuning.SEEDS[0]} to {tuning.SEEDS[-1]}: mean errors in metres",
+        f"Grid search, {tuning.searched_on([scores[0][1]])}: mean errors in metres",
         ["case", "method", *keys, "whole run", "settled", "lost", "chosen"],
     )
     for method, case, point, whole, settled, lost in scores:

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from gbt_ocp.experiments import dialect
-from gbt_ocp.experiments.studies.methods import Method
+from gbt_ocp.experiments.studies.methods import PLANE, Method
 from gbt_ocp.experiments.studies.workbench import Workbench
 from gbt_ocp.experiments.sweep.plan import Variant, variant
 from gbt_ocp.experiments.sweep.sweeping import Sweep
 
-SEEDS = (1000, 1001)
-"""None of them is used for a table. Without noise, runs differ in nothing but the start."""
+SEEDS = {2: (1000, 1001), 3: (1000,)}
+"""Seeds by dimension, none of them used for a table. Without noise, runs differ in nothing but the start; the grids in
+space are four times as large."""
 
 DURATION_S = 15.0
 """Length of a run of the search: half of those of the tables."""
@@ -36,10 +37,13 @@ Score = tuple[str, str, Parameters, float, float, int]
 """Method, case, point of the grid, mean of the whole-run and of the settled error, runs that did not succeed."""
 
 
+def _dimension(case: str) -> int:
+    return 2 if case in PLANE else 3
+
+
 def method_variant(method: Method, case: str, point: Mapping[str, Any]) -> Variant:
     """The configuration of a method on a case, with the prior position that all methods are given."""
-    dimension = 2 if case in ("case1", "case2", "case3") else 3
-    prior = {"position": [0.0] * dimension, "std": PRIOR_STD}
+    prior = {"position": [0.0] * _dimension(case), "std": PRIOR_STD}
     labels = {"case": case, "method": method.name, **point}
     return variant(case, {**method.keys, **point, "tracker.prior": prior}, labels=labels)
 
@@ -67,13 +71,19 @@ def as_yaml(chosen: Chosen) -> str:
     return dialect.dump(nested)
 
 
+def searched_on(cases: Sequence[str]) -> str:
+    """Seeds and length of the runs of the search, in words."""
+    seeds = SEEDS[_dimension(cases[0])]
+    return f"{len(seeds)} run{'s' * (len(seeds) > 1)} of {DURATION_S:g} s a point (from seed {seeds[0]})"
+
+
 def search(
     workbench: Workbench, name: str, methods: Sequence[Method], cases: Sequence[str]
 ) -> tuple[Chosen, list[Score]]:
     """Search the grids of all methods, each case by itself.
 
     A method with several grids is searched along one after the other. A point scores the mean of the method's column
-    over :data:`SEEDS`; one with a failed or diverged run is not chosen while there is another.
+    over the :data:`SEEDS`; one with a failed or diverged run is not chosen while there is another.
 
     Returns
     -------
@@ -82,6 +92,7 @@ def search(
     """
     chosen: Chosen = {(method.name, case): {} for method in methods for case in cases}
     scores: list[Score] = []
+    seeds = SEEDS[_dimension(cases[0])]
     for stage in range(max(len(method.grids) for method in methods)):
         variants: list[Variant] = []
         for method in methods:
@@ -90,7 +101,7 @@ def search(
                     made = _tried(method, case, {**chosen[method.name, case], **point})
                     if made not in variants:
                         variants.append(made)
-        done = workbench.sweep(f"{name}-tuning-{stage + 1}", variants, seeds=SEEDS)
+        done = workbench.sweep(f"{name}-tuning-{stage + 1}", variants, seeds=seeds)
         for method in methods:
             if stage < len(method.grids):
                 for case in cases:
