@@ -26,12 +26,14 @@ FILTERS = ("PLKF", "IMM-PLKF", FULL_POSITIONS)
 DENSITIES = (1.0e-8, 1.0e-6, 1.0e-4, 1.0e-2, 1.0)
 
 
-def error(name: str, case: str, density: float, seeds: int) -> float:
+def error(name: str, case: str, density: float, seeds: int, turns: bool) -> float:
     """Mean whole-run error over the seeds in metres, with the parameters that are shipped but for the noise."""
     method = next(method for method in methods(2 if case in PLANE else 3) if method.name == name)
     noise = {"tracker.process_noise": density}
     if name != "PLKF":
         noise["tracker.jerk_noise"] = density
+        if not turns:
+            noise["tracker.turn_rate_max"] = 1.0e-3
     made = method_variant(method, case, {**shipped()[name, case], **noise}).configuration
     runs = [gbt.run(made.model_copy(update={"seed": seed})) for seed in range(seeds)]
     return float(np.mean([run.summary["error_mean"] for run in runs]))
@@ -42,12 +44,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--cases", default=",".join([*PLANE, *SPACE]))
+    parser.add_argument("--without-turns", action="store_true", help="interacting models that cannot turn")
     arguments = parser.parse_args()
     print(f"| case | filter | the paper | {' | '.join(f'{density:.0e}' for density in DENSITIES)} |")
     print(f"|---|---|---{'|---' * len(DENSITIES)}|")
     for case in arguments.cases.split(","):
         for name in FILTERS:
-            found = [f"{error(name, case, density, arguments.seeds):.3f}" for density in DENSITIES]
+            errors = [error(name, case, q, arguments.seeds, not arguments.without_turns) for q in DENSITIES]
+            found = [f"{value:.3f}" for value in errors]
             print(f"| {case} | {name} | {PAPER[name][case][0]:.3f} | {' | '.join(found)} |", flush=True)
 
 

@@ -48,14 +48,14 @@ def test_the_grids_are_the_papers():
     assert sizes == {
         "OE-S": [16],
         "OE-CV": [64],
-        "PLKF": [12, 3],
-        "IMM-PLKF": [12, 6],
-        FULL_POSITIONS: [4, 6],
+        "PLKF": [12, 4],
+        "IMM-PLKF": [12, 12],
+        FULL_POSITIONS: [4, 12],
         "PR": [12],
         POLYNOMIAL_SETTLED: [12],
         GBT: [],
     }
-    assert [len(tuning._points(grid)) for grid in methods(3)[0].grids] == [16, 27, 3]
+    assert [len(tuning._points(grid)) for grid in methods(3)[0].grids] == [16, 27, 4]
     for dimension, cases in ((2, PLANE), (3, SPACE)):
         for method in methods(dimension):
             if method.name != POLYNOMIAL_SETTLED:
@@ -166,6 +166,18 @@ def test_a_report_is_written_and_replaced(tmp_path):
     (tmp_path / "mine/file").touch()
     with pytest.raises(FileExistsError):
         report.write(tmp_path / "mine")
+
+
+def test_parameters_are_shipped_for_every_method_and_case_and_lie_on_its_grids():
+    for dimension, cases in ((2, PLANE), (3, SPACE)):
+        for method in methods(dimension):
+            axes = {key: values for grid in method.grids for key, values in grid.items()}
+            # in space only the first of several grids was searched so far, and all of those of the full positions
+            searched = [*axes] if dimension == 2 or method.name == FULL_POSITIONS else [*(method.grids or [{}])[0]]
+            for case in cases:
+                point = tuning.shipped()[method.name, case]
+                assert list(point) == searched
+                assert all(value in axes[key] for key, value in point.items())
 
 
 def test_shipped_file_is_what_the_search_writes():

@@ -189,8 +189,8 @@ class OrthogonalityVelocityTracker(BaselineTracker):
     """Orthogonality-based estimator of a target with constant velocity."""
 
     kind: Literal["oe_cv"] = Field(description="Orthogonality-based, constant velocity.")
-    position_gain: float = key(10.0, "Gain on the position in 1/s (k1, c1).", "a number > 0", gt=0.0)
-    velocity_gain: float = key(1.0, "Gain on the velocity in 1/s^2 (c2).", "a number > 0", gt=0.0)
+    position_gain: float = key(5.0, "Gain on the position in 1/s (k1, c1).", "a number > 0", gt=0.0)
+    velocity_gain: float = key(0.1, "Gain on the velocity in 1/s^2 (c2).", "a number > 0", gt=0.0)
 
 
 class FilterTracker(BaselineTracker):

@@ -51,6 +51,7 @@ def draw_bands(
     logarithmic: bool = True,
     columns: int = 1,
     xlabel: str = "time [s]",
+    lowest: float | None = None,
 ) -> Figure:
     """Draw curves in panels that share both axes; a label has one look in all of them.
 
@@ -66,6 +67,8 @@ def draw_bands(
         Of panels.
     xlabel
         What the curves' ``t`` is, with its unit.
+    lowest
+        Lower end of the vertical axis where curves go further down than anybody reads.
 
     Raises
     ------
@@ -90,6 +93,8 @@ def draw_bands(
             if logarithmic:
                 axes.set_yscale("log")
             axes.set_xlim(0.0, max(float(curve.t[-1]) for curve in curves.values()))
+        if lowest is not None:
+            grid.flat[0].set_ylim(bottom=lowest)
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
         for axes in grid[-1]:

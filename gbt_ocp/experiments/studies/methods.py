@@ -91,8 +91,11 @@ PAPER: dict[str, dict[str, tuple[float, float]]] = {
 _GAINS = (0.5, 1.0, 5.0, 10.0)
 _CIRCLE: Grid = {"guidance.radial_gain": (1.0, 2.0, 5.0, 10.0)}
 _COVARIANCE: Grid = {"tracker.initial_variance": _GAINS}
-_VELOCITY_NOISE: Grid = {"tracker.process_noise": (0.01, 0.1, 1.0)}
-_MODEL_NOISE: Grid = {"tracker.process_noise": (0.1, 1.0), "tracker.jerk_noise": (0.1, 1.0, 10.0)}
+_VELOCITY_NOISE: Grid = {"tracker.process_noise": (0.001, 0.01, 0.1, 1.0)}
+_MODEL_NOISE: Grid = {
+    "tracker.process_noise": (0.001, 0.1, 1.0),
+    "tracker.jerk_noise": (0.001, 0.1, 1.0, 10.0),
+}
 """The paper does not give the noise of the filters' models; searched last, so that no filter suffers from a guess."""
 _ORDER: Grid = {"tracker.order": (3, 5, 8, 10)}
 _PLACES: Grid = {"desired_bearing.m": (10, 15, 20)}
