@@ -287,3 +287,18 @@ def test_a_segment_is_a_part_of_its_piece():
         np.testing.assert_allclose(part([0.0, 0.06], order), plan([0.7, 0.76], order), rtol=1e-12)
     with pytest.raises(ValueError, match=r"duration: found 0\.2"):
         plan.segment(0.4, 0.2)
+
+
+def test_a_speed_broken_at_the_start_is_mended_within_the_thrust():
+    """Refusing every plan would leave the vehicle braking for as long as the speed is too high."""
+    problem = TrajectoryProblem(FALCON, 4, 1.0).maximize(BearingSimilarity(2)).subject_to(ThrustLimit(FALCON))
+    problem = problem.subject_to(YawRateLimit(2, 0.7)).subject_to(SpeedLimit(2, 3.0))
+    start = np.array([[0.0, 0.0, 0.0], [3.02, 0.0, 0.9]])
+    ahead = Forecast(np.tile([30.0, 10.0], (4, 1)), np.tile(0.01 * np.eye(2), (4, 1, 1)))
+    plan = problem.compile("compiled").solve(start, ahead, np.tile([1.0, 0.0], (4, 1)))
+    assert (plan.status, plan.fallback) == ("solved", "")
+    times = np.linspace(0.3, 4.0, 200)
+    assert np.max(np.abs(plan(times, 1)[:, 2])) < 0.7 + 1e-6
+    assert np.max(np.linalg.norm(plan(times, 1)[:, :2], axis=1)) < 3.0 + 1e-6
+    thrust = TrajectoryProblem(FALCON, 4, 1.0).maximize(BearingSimilarity(2)).subject_to(ThrustLimit(FALCON))
+    assert LimitCheck(thrust)(plan.trajectory)[0] <= 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.ocp.braking import BrakingPlanner
-from gbt_ocp.ocp.constraints import MovingConstraint
+from gbt_ocp.ocp.constraints import Constraint, MovingConstraint
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.problem import TrajectoryProblem
 from gbt_ocp.ocp.solvers import ChecksLimits, Solution, Solver
@@ -42,6 +43,11 @@ class _Attempt(NamedTuple):
     tightened: int
 
 
+def _of_thrust(problem: TrajectoryProblem, constraint: Constraint) -> bool:
+    """Whether the plan's own unknown moves the constraint from the first moment on, and no belief enters it."""
+    return first_free_node(problem, constraint) == 0 and not isinstance(constraint, MovingConstraint)
+
+
 class Planner:
     """Solves a :class:`~gbt_ocp.ocp.problem.TrajectoryProblem` again and again, each time from the last solution.
 
@@ -65,6 +71,13 @@ class Planner:
             for number, constraint in enumerate(problem.constraints)
             if problem.judged[number] and first_free_node(problem, constraint) == 1
         ]
+        self._thrust_check = LimitCheck(
+            replace(
+                problem,
+                hard=tuple(limit for limit in problem.hard if _of_thrust(problem, limit.constraint)),
+                penalties=tuple(limit for limit in problem.penalties if _of_thrust(problem, limit.constraint)),
+            )
+        )
         self._scale = input_scale(problem)
         self._binding = Binding(problem)
         self._check = solver.check if isinstance(solver, ChecksLimits) else LimitCheck(problem)
@@ -152,7 +165,7 @@ class Planner:
             # From where the vehicle really is, which is where the previous plan led unless it was pushed.
             candidate = FlatTrajectory(self.problem.period, start, shifted.top)
             broken = self._check(candidate, limits)
-            if broken[0] <= self._broken_at_start(start, limits, believed=False):
+            if self._excess(candidate, float(broken[0]), self._broken_at_start(start, limits, believed=False)) <= 0.0:
                 fallback, trajectory, pieces = "shifted", candidate, broken
         if trajectory is None and self._relaxed is not None:
             fallback = "relaxed"
@@ -182,6 +195,13 @@ class Planner:
             fallback=fallback,
             tightened=tightened,
         )
+
+    def _excess(self, trajectory: FlatTrajectory, broken: float, allowed: float) -> float:
+        """How far the first piece breaks its limits beyond what the start has broken already, thrust never included."""
+        if broken <= 0.0 or broken > allowed:
+            return broken
+        first = FlatTrajectory(trajectory.period, trajectory.start, trajectory.top[:1])
+        return float(self._thrust_check(first)[0])
 
     def _broken_at_start(self, start: Array, limits: list[Array], *, believed: bool) -> float:
         """How far limits are broken where the plan begins, those on what is only believed or the others; at least 0."""
@@ -218,8 +238,8 @@ class Planner:
                 return _Attempt("not finite", None, nothing, iterations, tightened)
             trajectory = FlatTrajectory(self.problem.period, start, solution.variables * self._scale)
             pieces = self._check(trajectory, limits)
-            broken = float(pieces[0])
-            if broken <= allowed:
+            broken = self._excess(trajectory, float(pieces[0]), allowed)
+            if broken <= 0.0:
                 return _Attempt(solution.status, trajectory, pieces, iterations, tightened)
             # a little more than was found, so that one round nearly always does it
             tightening += 1.2 * broken + 1e-4
