@@ -18,7 +18,7 @@ static double lagrangian(const double *start, const double *x, const double *lam
     static double y[GBT_SIDES];
     for (int a = 0; a < GBT_STATE; a++) work.piece[0][a / GBT_FLAT][a % GBT_FLAT] = start[a];
     for (int a = 0; a < N; a++) work.piece[a / GBT_FLAT][GBT_DEGREE][a % GBT_FLAT] = x[a];
-    gbt_propagate(work.piece);
+    gbt_propagate(work.piece, GBT_PIECES);
     double sum = gbt_evaluate(&work, work.piece, y);
     for (int k = 0; k < GBT_COUNT; k++) sum += lambda[k] * y[k];
     return sum;
@@ -31,7 +31,7 @@ static void gradient(const double *start, const double *x, const double *lambda,
     gbt_differentiate(&work);
     for (int a = 0; a < GBT_PIECES * GBT_PIECE; a++) (&pull[0][0][0])[a] = (&work.gradient[0][0][0])[a];
     gbt_pull_back(&work, lambda, pull);
-    gbt_adjoint(pull, (gbt_real(*)[GBT_FLAT])out);
+    gbt_adjoint(pull, GBT_PIECES, (gbt_real(*)[GBT_FLAT])out);
 }
 
 /* work.step as the change of the trajectory for a change dx of the L-th derivatives. */
@@ -39,7 +39,7 @@ static void spread(const double *dx)
 {
     for (int a = 0; a < GBT_STATE; a++) work.step[0][a / GBT_FLAT][a % GBT_FLAT] = 0;
     for (int a = 0; a < N; a++) work.step[a / GBT_FLAT][GBT_DEGREE][a % GBT_FLAT] = dx[a];
-    gbt_propagate(work.step);
+    gbt_propagate(work.step, GBT_PIECES);
 }
 
 /* The Hessian with respect to all L-th derivatives, dense, from the ones of the pieces. */
@@ -103,7 +103,10 @@ static double start[GBT_STATE], x[N], lambda[GBT_SIDES];
 static void draw(int seed, const double *parameters)
 {
     srand((unsigned)seed);
+    work.pieces = GBT_PIECES;
+    work.count = GBT_COUNT;
     work.parameters = parameters;
+    work.moving = parameters + GBT_LIMIT_NUMBERS;
     work.tightening = 0;
     for (int a = 0; a < GBT_STATE; a++) start[a] = uniform();
     for (int a = 0; a < N; a++) x[a] = uniform() * gbt_input_scale[a % GBT_FLAT];

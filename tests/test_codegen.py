@@ -6,18 +6,28 @@ import re
 import shutil
 import subprocess
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
 import pytest
 
 from gbt_ocp import cli
-from gbt_ocp.ocp import BearingSimilarity, KeepOut, RangePull, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp import (
+    BearingSimilarity,
+    FieldOfView,
+    KeepOut,
+    RangeLimits,
+    RangePull,
+    ThrustLimit,
+    TrajectoryProblem,
+)
 from gbt_ocp.ocp.codegen.building import build_library, find_compiler, kernel_files
 from gbt_ocp.ocp.codegen.folder import write_folder
 from gbt_ocp.ocp.codegen.generation import generate_problem
 from gbt_ocp.ocp.codegen.ipopt_source import write_ipopt_folder
 from gbt_ocp.ocp.codegen.verification import verify_folder
+from gbt_ocp.ocp.transcription import Binding
 from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
 
 pytestmark = [
@@ -181,6 +191,43 @@ def test_the_symmetric_root_is_that_of_numpy():
         expected = vectors @ np.diag(np.sqrt(np.maximum(values, 0.0))) @ vectors.T
         # a root magnifies what round-off leaves of a zero eigenvalue
         np.testing.assert_allclose(found, expected, atol=1e-7 * np.sqrt(np.abs(matrix).max() + 1e-300))
+
+
+def with_target_limits(dimension):
+    problem = fossen(dimension, "hard").subject_to_penalty(RangeLimits(dimension, nearest=1.0, farthest=9.0), nodes=4)
+    return problem.subject_to_penalty(FieldOfView(dimension, 1.0), nodes=3)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_limits_on_the_target_are_bound_from_the_moments_as_in_python(dimension):
+    problem = with_target_limits(dimension)
+    library = ctypes.CDLL(str(build_library(kernel_files() | generate_problem(problem).files)))
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        root = rng.normal(size=(6, dimension, dimension))
+        mean, covariance = 10.0 * rng.normal(size=(6, dimension)), root @ np.swapaxes(root, 1, 2)
+        desired = rng.normal(size=(5, dimension))
+        data = {
+            "present": SimpleNamespace(mean=mean[0], covariance=covariance[0]),
+            "forecast": SimpleNamespace(mean=mean[1:], covariance=covariance[1:]),
+            "desired": desired,
+        }
+        binding = Binding(problem)
+        blocks = [binding.objective_parameters(data), binding.limit_parameters(data)]
+        expected = np.concatenate([np.vstack(block).T.ravel() for block in blocks])
+        found = np.empty(len(expected))
+        library.gbt_bind(*(ctypes.c_void_p(values.ctypes.data) for values in (mean, covariance, desired, found)))
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_whole_step_with_limits_on_the_target_is_generated(dimension, tmp_path):
+    folder = write_folder(with_target_limits(dimension), {}, tmp_path / "planner")
+    assert json.loads((folder / "manifest.json").read_text())["problem"]["from_moments"]
+    found = verify_folder(folder)
+    assert found.faults == ()
+    assert found.vectors == 20
+    assert found.difference < 1e-12
 
 
 def test_ipopt_s_program_is_generated_without_errors_in_it(tmp_path):

@@ -12,7 +12,15 @@ import pytest
 from scipy.optimize import lsq_linear, minimize
 
 from gbt_ocp.bearings import DesiredBearing
-from gbt_ocp.ocp import BearingSimilarity, FlatTrajectory, KeepOut, RangePull, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp import (
+    BearingSimilarity,
+    FlatTrajectory,
+    KeepOut,
+    RangeLimits,
+    RangePull,
+    ThrustLimit,
+    TrajectoryProblem,
+)
 from gbt_ocp.ocp.codegen import building
 from gbt_ocp.ocp.codegen.building import CompilerError, build_library, find_compiler
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_source
@@ -319,6 +327,44 @@ def test_user_problems_run_through_the_same_path(vehicle):
     assert solved >= 18
     assert np.linalg.norm(state[0] - [4.0, 0.0]) < 0.5
     assert 0.8 <= closest < 1.5
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("distance", [0.5, 5.0, 20.0, 29.0])
+def test_a_symmetric_start_deep_within_a_forbidden_range_is_solved(dimension, distance):
+    # at rest on the line of sight, along which the bearing is desired: nothing says to which side to go
+    problem = fossen(dimension, "hard").subject_to_penalty(RangeLimits(dimension, nearest=30.0), nodes=4)
+    mean = distance * np.eye(dimension)[0]
+    covariance = 0.01 * np.eye(dimension)
+    data = {
+        "forecast": SimpleNamespace(mean=np.tile(mean, (5, 1)), covariance=np.tile(covariance, (5, 1, 1))),
+        "present": SimpleNamespace(mean=mean, covariance=covariance),
+        "desired": np.tile(np.eye(dimension)[0], (5, 1)),
+    }
+    binding, solver = Binding(problem), CompiledSolver(problem, {})
+    found = solver.solve(
+        np.zeros((2, dimension + 1)),
+        binding.objective_parameters(data),
+        np.zeros((5, dimension + 1)),
+        cold=True,
+        limits=binding.limit_parameters(data),
+    )
+    assert found.status == "solved"
+
+
+def test_a_warm_start_whose_end_coasts_is_repaired_there():
+    """The new piece of a shifted plan costs few iterations, however long the plan is."""
+    problem = fossen(2, "hard", pieces=40)
+    start, parameters = instance(problem, 1)
+    solver = CompiledSolver(problem, {})
+    cold = solver.solve(start, parameters, np.zeros((40, 3)), cold=True)
+    spoilt = cold.variables.copy()
+    spoilt[-1] = 0.0
+    repaired = solver.solve(start, parameters, spoilt, cold=False)
+    assert cold.solved
+    assert repaired.solved
+    assert repaired.iterations < 20
+    assert repaired.objective == pytest.approx(cold.objective, abs=1e-2)
 
 
 def test_hard_limits_and_penalties_mix():

@@ -78,6 +78,21 @@ class MovingConstraint(Protocol):
         """Numbers for the parameters at the knots, ``(p+1, *shape)`` each, from the data given to a solve."""
 
 
+@runtime_checkable
+class LimitFromMoments(Protocol):
+    """A moving constraint whose numbers at a knot follow from mean and covariance of the target's position then.
+
+    It can be generated as C together with the whole step of the planner.
+    """
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[int, int]]:
+        """Parameters at one time: name to matrix shape."""
+
+    def at_knot(self, mean: Any, covariance: Any) -> Mapping[str, Any]:
+        """CasADi expressions of the parameters, from μ ``(d,)`` and Σ ``(d, d)``."""
+
+
 Constraint = PathConstraint | MovingConstraint
 """Whatever a problem can be subject to."""
 

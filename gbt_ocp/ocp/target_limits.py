@@ -126,6 +126,10 @@ class RangeLimits:
             covariance = np.tile(covariance[:1], (pieces + 1, 1, 1))
         return {"mean": mean[..., None], "covariance": covariance}
 
+    def at_knot(self, mean: Any, covariance: Any) -> Mapping[str, Any]:
+        """The moments themselves."""
+        return {"mean": mean, "covariance": covariance}
+
 
 @dataclass(frozen=True)
 class FieldOfView:
@@ -180,3 +184,7 @@ class FieldOfView:
     def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
         """Means ``(p+1, d, 1)`` at the knots."""
         return {"mean": moments_at_knots(pieces, data, self)[0][..., None]}
+
+    def at_knot(self, mean: Any, covariance: Any) -> Mapping[str, Any]:
+        """The mean."""
+        return {"mean": mean}

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.ocp.braking import drift
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_function, c_source
-from gbt_ocp.ocp.constraints import Constraint
+from gbt_ocp.ocp.constraints import Constraint, LimitFromMoments
 from gbt_ocp.ocp.objectives import FromMoments, JointObjective
 from gbt_ocp.ocp.problem import HardLimit, PenaltyLimit, TrajectoryProblem
 from gbt_ocp.ocp.trajectory import FlatPoint
@@ -83,6 +83,7 @@ def generate_problem(problem: TrajectoryProblem) -> GeneratedProblem:
         inputs=len(problem.vehicle.thrust_max),
         fine=FINE_POINTS,
         moments=int(from_moments(problem)),
+        present=int(from_moments(problem) and moving > 0),
     )
     functions = [*objective_functions, *(function for limit in limits for function in limit.functions)]
     functions += _published(problem)
@@ -102,9 +103,9 @@ def generate_problem(problem: TrajectoryProblem) -> GeneratedProblem:
 
 
 def from_moments(problem: TrajectoryProblem) -> bool:
-    """Whether the moments of a forecast at the endpoints are all that the problem needs."""
-    return all(isinstance(term, FromMoments) for term in problem.objectives) and not any(
-        limit_size(constraint) for constraint in problem.constraints
+    """Whether the moments of a forecast are all that the problem needs."""
+    return all(isinstance(term, FromMoments) for term in problem.objectives) and all(
+        isinstance(constraint, LimitFromMoments) for constraint in problem.constraints if limit_size(constraint)
     )
 
 
@@ -124,6 +125,13 @@ def _published(problem: TrajectoryProblem) -> list[ca.Function]:
                 values = term.from_moments(mean, root, desired)
                 stacked += [ca.vec(ca.densify(values[name])) for name in term.shapes]
         functions.append(c_function("gbt_prepare", [mean, root, desired], ca.vertcat(*stacked)))
+        covariance, numbers = ca.SX.sym("covariance", d, d), []
+        for constraint in problem.constraints:
+            if isinstance(constraint, LimitFromMoments):
+                values = constraint.at_knot(mean, covariance)
+                numbers += [ca.vec(ca.densify(values[name])) for name in constraint.shapes]
+        if numbers:
+            functions.append(c_function("gbt_prepare_limits", [mean, covariance], ca.vertcat(*numbers)))
     return functions
 
 
@@ -290,7 +298,8 @@ typedef double gbt_real;
 #define GBT_ENTRIES {entries}          /* nonzeros of a Hessian at a node, at most */
 #define GBT_INPUTS {inputs}            /* inputs of the vehicle */
 #define GBT_FINE_POINTS {fine}     /* points of a piece at which a finished trajectory is held against its limits */
-#define GBT_MOMENTS {moments}           /* whether the objective is a function of the moments of a forecast */
+#define GBT_MOMENTS {moments}           /* whether the moments of a forecast are all that the problem needs */
+#define GBT_PRESENT {present}           /* 1 where its limits need them at the beginning of the plan too */
 
 /* A function of a point (z, its rate and its acceleration) and of what else it needs. */
 typedef void (*gbt_function)(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *out);
@@ -332,6 +341,10 @@ void gbt_vehicle_drift(const gbt_real *z, const gbt_real *dz, const gbt_real *th
 #if GBT_MOMENTS
 /* Parameters of the objective at an endpoint, from mean, symmetric root of the covariance and desired bearing. */
 void gbt_prepare(const gbt_real *mean, const gbt_real *root, const gbt_real *desired, gbt_real *parameters);
+#if GBT_PRESENT
+/* Numbers of the path constraints at a boundary of the pieces, from mean and covariance there. */
+void gbt_prepare_limits(const gbt_real *mean, const gbt_real *covariance, const gbt_real *third, gbt_real *moving);
+#endif
 #endif
 
 #endif

@@ -15,7 +15,7 @@ from gbt_ocp.ocp.codegen.generation import c_array, from_moments
 from gbt_ocp.ocp.compiled import STATUSES, CompiledSolver
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.problem import TrajectoryProblem
-from gbt_ocp.ocp.transcription import Binding
+from gbt_ocp.ocp.transcription import Binding, limit_size
 
 Array = NDArray[np.float64]
 
@@ -112,8 +112,10 @@ def _inputs(problem: TrajectoryProblem, step: Mapping[str, Any], moments: bool) 
     row = {"state": np.asarray(step["state"], dtype=float)}
     p = problem.pieces
     if moments:
-        row["mean"] = np.asarray(step["forecast"].mean, dtype=float)[:p]
-        row["covariance"] = np.asarray(step["forecast"].covariance, dtype=float)[:p]
+        for name in ("mean", "covariance"):
+            row[name] = np.asarray(getattr(step["forecast"], name), dtype=float)[:p]
+            if any(limit_size(constraint) for constraint in problem.constraints):
+                row[name] = np.concatenate([np.asarray(getattr(step["present"], name), dtype=float)[None], row[name]])
         row["desired"] = np.asarray(step["desired"], dtype=float)[:p]
     else:
         data = {name: value for name, value in step.items() if name != "state"}
@@ -156,7 +158,10 @@ class _Drill:
         times = (self._count + 1 + np.arange(p)) * period
         spread = 0.02 + np.exp(-self._count / 5.0)
         root = spread * self._rng.normal(size=(p, d, d))
-        mean = times[:, None] * self._velocity + 0.3 * spread * self._rng.normal(size=d)
+        error = 0.3 * spread * self._rng.normal(size=d)
+        covariance = root @ np.swapaxes(root, 1, 2)
+        forecast = SimpleNamespace(mean=times[:, None] * self._velocity + error, covariance=covariance)
+        # what a limit on the target asks for besides; the covariance of the first endpoint serves
+        now = SimpleNamespace(mean=self._count * period * self._velocity + error, covariance=covariance[0])
         self._count += 1
-        forecast = SimpleNamespace(mean=mean, covariance=root @ np.swapaxes(root, 1, 2))
-        return {"state": self.state, "forecast": forecast, "desired": self._desired(times)}
+        return {"state": self.state, "forecast": forecast, "desired": self._desired(times), "present": now}

@@ -52,8 +52,13 @@ void gbt_bind(const gbt_real *mean, const gbt_real *covariance, const gbt_real *
 {
     gbt_real root[D * D];
     for (int i = 0; i < GBT_PIECES; i++) {
-        gbt_symmetric_root(covariance + i * D * D, root);
-        gbt_prepare(mean + i * D, root, desired + i * D, parameters + i * GBT_PARAMETERS);
+        const int end = i + GBT_PRESENT;
+        gbt_symmetric_root(covariance + end * D * D, root);
+        gbt_prepare(mean + end * D, root, desired + i * D, parameters + i * GBT_PARAMETERS);
     }
+#if GBT_PRESENT
+    for (int i = 0; i <= GBT_PIECES; i++)
+        gbt_prepare_limits(mean + i * D, covariance + i * D * D, 0, parameters + GBT_LIMIT_NUMBERS + i * GBT_MOVING);
+#endif
 }
 #endif

@@ -1,4 +1,4 @@
-/* From the moments of a forecast to the parameters of the objective. */
+/* From the moments of a forecast to the parameters of the objective and of the limits. */
 #ifndef GBT_MOMENTS_H
 #define GBT_MOMENTS_H
 
@@ -9,10 +9,7 @@
 void gbt_symmetric_root(const gbt_real *matrix, gbt_real *root);
 
 #if GBT_MOMENTS
-/* Parameters of the objective at all endpoints, GBT_PIECES x GBT_PARAMETERS.
-
-   mean, desired   GBT_PIECES x GBT_DIMENSION
-   covariance      GBT_PIECES x GBT_DIMENSION x GBT_DIMENSION */
+/* All parameters, in the order of gbt_plan_parameters; the arguments are those of gbt_plan. */
 void gbt_bind(const gbt_real *mean, const gbt_real *covariance, const gbt_real *desired, gbt_real *parameters);
 #endif
 

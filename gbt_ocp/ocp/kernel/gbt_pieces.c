@@ -41,7 +41,7 @@ static void place_at(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GBT
                      const gbt_real *power, gbt_real *place)
 {
     point_at(piece[i], power, place);
-    gbt_moving_at(work->parameters + GBT_LIMIT_NUMBERS + i * GBT_MOVING, share, place);
+    gbt_moving_at(work->moving + i * GBT_MOVING, share, place);
 }
 
 void gbt_next_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDERS][GBT_FLAT])
@@ -56,16 +56,16 @@ void gbt_next_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDE
         }
 }
 
-void gbt_propagate(gbt_real piece[][GBT_ORDERS][GBT_FLAT])
+void gbt_propagate(gbt_real piece[][GBT_ORDERS][GBT_FLAT], int pieces)
 {
-    for (int i = 1; i < GBT_PIECES; i++) gbt_next_piece(piece[i - 1], piece[i]);
+    for (int i = 1; i < pieces; i++) gbt_next_piece(piece[i - 1], piece[i]);
 }
 
-void gbt_adjoint(gbt_real gradient[][GBT_ORDERS][GBT_FLAT], gbt_real out[][GBT_FLAT])
+void gbt_adjoint(gbt_real gradient[][GBT_ORDERS][GBT_FLAT], int pieces, gbt_real out[][GBT_FLAT])
 {
     gbt_real power[GBT_ORDERS];
     gbt_taylor(GBT_PERIOD, power);
-    for (int i = GBT_PIECES - 1; i >= 0; i--) {
+    for (int i = pieces - 1; i >= 0; i--) {
         for (int j = 0; j < GBT_FLAT; j++) out[i][j] = gradient[i][GBT_DEGREE][j];
         for (int o = 0; o < GBT_DEGREE && i > 0; o++)
             for (int k = 0; o + k < GBT_ORDERS; k++)
@@ -77,7 +77,7 @@ gbt_real gbt_evaluate(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GB
 {
     gbt_real power[GBT_ORDERS], point[GBT_PLACE], value[GBT_ROWS], f = 0;
     gbt_taylor(GBT_PERIOD, power);
-    for (int i = 0; i < GBT_PIECES; i++) {
+    for (int i = 0; i < work->pieces; i++) {
         point_at(piece[i], power, point);
         gbt_objective.value(point, work->parameters + i * GBT_PARAMETERS, 0, value);
         f -= value[0];
@@ -87,7 +87,7 @@ gbt_real gbt_evaluate(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GB
         for (int k = limit->first; k <= limit->intervals; k++) {
             const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
             gbt_taylor(GBT_PERIOD * share, power);
-            for (int i = 0; i < GBT_PIECES; i++) {
+            for (int i = 0; i < work->pieces; i++) {
                 place_at(work, piece, i, share, power, point);
                 limit->value(point, 0, 0, value);
                 for (int r = 0; r < limit->sides; r++)
@@ -103,7 +103,7 @@ void gbt_differentiate(gbt_workspace *work)
     gbt_real power[GBT_ORDERS], point[GBT_PLACE], slope[GBT_POINT];
     gbt_real *jacobian = work->jacobian;
     gbt_taylor(GBT_PERIOD, power);
-    for (int i = 0; i < GBT_PIECES; i++) {
+    for (int i = 0; i < work->pieces; i++) {
         point_at(work->piece[i], power, point);
         gbt_objective.gradient(point, work->parameters + i * GBT_PARAMETERS, 0, slope);
         for (int a = 0; a < GBT_POINT; a++) slope[a] = -slope[a];
@@ -116,7 +116,7 @@ void gbt_differentiate(gbt_workspace *work)
         for (int k = limit->first; k <= limit->intervals; k++) {
             const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
             gbt_taylor(GBT_PERIOD * share, power);
-            for (int i = 0; i < GBT_PIECES; i++) {
+            for (int i = 0; i < work->pieces; i++) {
                 place_at(work, work->piece, i, share, power, point);
                 limit->jacobian(point, 0, 0, jacobian);
                 jacobian += limit->jacobian_entries;
@@ -133,7 +133,7 @@ void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_real ou
         const gbt_limit *limit = &gbt_limits[q];
         for (int k = limit->first; k <= limit->intervals; k++) {
             gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, power);
-            for (int i = 0; i < GBT_PIECES; i++) {
+            for (int i = 0; i < work->pieces; i++) {
                 for (int r = 0; r < limit->rows; r++) row[r] = 0;
                 for (int r = 0; r < limit->sides; r++) row[limit->row[r]] += limit->sign[r] * sides[r];
                 for (int a = 0; a < GBT_POINT; a++) slope[a] = 0;
@@ -156,7 +156,7 @@ void gbt_push_forward(gbt_workspace *work)
         const gbt_limit *limit = &gbt_limits[q];
         for (int k = limit->first; k <= limit->intervals; k++) {
             gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, power);
-            for (int i = 0; i < GBT_PIECES; i++) {
+            for (int i = 0; i < work->pieces; i++) {
                 point_at(work->step[i], power, point);
                 for (int r = 0; r < limit->rows; r++) row[r] = 0;
                 for (int a = 0; a < limit->jacobian_entries; a++)
@@ -191,7 +191,7 @@ void gbt_assemble(gbt_workspace *work)
     const gbt_real weight = -1;
 
     gbt_taylor(GBT_PERIOD, power);
-    for (int i = 0; i < GBT_PIECES; i++) {
+    for (int i = 0; i < work->pieces; i++) {
         for (int a = 0; a < GBT_PIECE; a++)
             for (int c = 0; c < GBT_PIECE; c++) work->curvature[i][a][c] = 0;
         point_at(work->piece[i], power, point);
@@ -204,7 +204,7 @@ void gbt_assemble(gbt_workspace *work)
         for (int k = limit->first; k <= limit->intervals; k++) {
             const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
             gbt_taylor(GBT_PERIOD * share, power);
-            for (int i = 0; i < GBT_PIECES; i++) {
+            for (int i = 0; i < work->pieces; i++) {
                 for (int r = 0; r < limit->rows; r++) first[r] = second[r] = 0;
                 for (int r = 0; r < limit->sides; r++) {
                     first[limit->row[r]] += limit->sign[r] * *lambda++;
@@ -217,7 +217,7 @@ void gbt_assemble(gbt_workspace *work)
             }
         }
     }
-    for (int i = 0; i < GBT_PIECES; i++)
+    for (int i = 0; i < work->pieces; i++)
         for (int a = 0; a < GBT_PIECE; a++)
             for (int c = 0; c <= a; c++)
                 work->curvature[i][a][c] = work->curvature[i][c][a] =

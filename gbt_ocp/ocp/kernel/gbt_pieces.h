@@ -18,11 +18,11 @@ void gbt_moving_at(const gbt_real *ends, gbt_real share, gbt_real *place);
 void gbt_next_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDERS][GBT_FLAT]);
 
 /* Fills derivatives 0 .. L-1 of all pieces but the first from the L-th derivatives. */
-void gbt_propagate(gbt_real piece[][GBT_ORDERS][GBT_FLAT]);
+void gbt_propagate(gbt_real piece[][GBT_ORDERS][GBT_FLAT], int pieces);
 
 /* Gradient with respect to the L-th derivatives of all pieces, from the one with respect to the numbers of each piece
    (which is spent): the adjoint of gbt_propagate. */
-void gbt_adjoint(gbt_real gradient[][GBT_ORDERS][GBT_FLAT], gbt_real out[][GBT_FLAT]);
+void gbt_adjoint(gbt_real gradient[][GBT_ORDERS][GBT_FLAT], int pieces, gbt_real out[][GBT_FLAT]);
 
 /* Objective and sides of the limits; returns f, minus the objective. */
 gbt_real gbt_evaluate(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GBT_FLAT], gbt_real *y);

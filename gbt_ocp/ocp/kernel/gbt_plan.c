@@ -142,6 +142,12 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
 gbt_status gbt_plan(gbt_planner *planner, const gbt_real *state, const gbt_real *mean, const gbt_real *covariance,
                     const gbt_real *desired, gbt_plan_result *plan)
 {
+    enum { BOUNDARIES = GBT_PIECES + GBT_PRESENT };
+    /* here already: the root of a covariance takes what is not a positive eigenvalue for zero */
+    if (!all_finite(mean, BOUNDARIES * GBT_DIMENSION) ||
+        !all_finite(covariance, BOUNDARIES * GBT_DIMENSION * GBT_DIMENSION) ||
+        !all_finite(desired, GBT_PIECES * GBT_DIMENSION))
+        return refuse(plan);
     gbt_bind(mean, covariance, desired, planner->parameters);
     return gbt_plan_parameters(planner, state, planner->parameters, plan);
 }

@@ -57,8 +57,9 @@ size_t gbt_planner_bytes(void);
 /* Plans from the moments of a forecast.
 
    state        derivatives 0 .. L-1 of the flat output now, GBT_DEGREE x GBT_FLAT
-   mean         of the target's position at the endpoints t + T, t + 2 T, ..., GBT_PIECES x GBT_DIMENSION, m
-   covariance   the same, GBT_PIECES x GBT_DIMENSION x GBT_DIMENSION, m^2
+   mean         of the target's position at the endpoints t + T, t + 2 T, ..., GBT_PIECES x GBT_DIMENSION, m; where
+                GBT_PRESENT is 1, limits depend on the target, and the mean at t comes first: one row more
+   covariance   the same, as many x GBT_DIMENSION x GBT_DIMENSION, m^2
    desired      desired bearings at the endpoints, unit vectors, GBT_PIECES x GBT_DIMENSION */
 gbt_status gbt_plan(gbt_planner *planner, const gbt_real *state, const gbt_real *mean, const gbt_real *covariance,
                     const gbt_real *desired, gbt_plan_result *plan);

@@ -42,11 +42,11 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
 {
     gbt_real power[GBT_ORDERS], rest[GBT_STATE][GBT_STATE], h[GBT_PIECE][GBT_PIECE];
     gbt_taylor(GBT_PERIOD, power);
-    for (int i = GBT_PIECES - 1; i >= 0; i--) {
+    for (int i = work->pieces - 1; i >= 0; i--) {
         /* Quadratic model from this piece on; only the lower triangle is kept. */
         for (int a = 0; a < GBT_PIECE; a++)
             for (int c = 0; c <= a; c++) h[a][c] = work->curvature[i][a][c];
-        for (int a = 0; a < GBT_STATE && i == GBT_PIECES - 1; a++)
+        for (int a = 0; a < GBT_STATE && i == work->pieces - 1; a++)
             for (int c = 0; c < GBT_STATE; c++) rest[a][c] = 0;
         for (int a = 0; a < GBT_FLAT; a++) {
             const gbt_real unit = gbt_input_scale[a] * pow(GBT_PERIOD, (gbt_real)(GBT_DEGREE - 1));
@@ -91,7 +91,7 @@ void gbt_newton_step(gbt_workspace *work, gbt_real gradient[][GBT_ORDERS][GBT_FL
 {
     gbt_real power[GBT_ORDERS];
     gbt_taylor(GBT_PERIOD, power);
-    for (int i = GBT_PIECES - 1; i >= 0; i--) {
+    for (int i = work->pieces - 1; i >= 0; i--) {
         gbt_real *push = work->push[i];
         for (int a = 0; a < GBT_FLAT; a++) push[a] = -gradient[i][GBT_DEGREE][a];
         forward(work->factor[i], push);
@@ -105,7 +105,7 @@ void gbt_newton_step(gbt_workspace *work, gbt_real gradient[][GBT_ORDERS][GBT_FL
     }
     for (int o = 0; o < GBT_DEGREE; o++)
         for (int j = 0; j < GBT_FLAT; j++) work->step[0][o][j] = 0;
-    for (int i = 0; i < GBT_PIECES; i++) {
+    for (int i = 0; i < work->pieces; i++) {
         gbt_real *top = work->step[i][GBT_DEGREE];
         for (int a = 0; a < GBT_FLAT; a++) {
             top[a] = work->push[i][a];
@@ -113,6 +113,6 @@ void gbt_newton_step(gbt_workspace *work, gbt_real gradient[][GBT_ORDERS][GBT_FL
                 top[a] -= work->gain[i][a][c] * work->step[i][c / GBT_FLAT][c % GBT_FLAT];
         }
         backward(work->factor[i], top);
-        if (i + 1 < GBT_PIECES) gbt_next_piece(work->step[i], work->step[i + 1]);
+        if (i + 1 < work->pieces) gbt_next_piece(work->step[i], work->step[i + 1]);
     }
 }

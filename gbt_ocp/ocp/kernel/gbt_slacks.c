@@ -16,7 +16,7 @@ static void split(gbt_real excess, gbt_real m, gbt_real *s, gbt_real *t)
 
 void gbt_lift(gbt_workspace *work, gbt_real mu)
 {
-    for (int k = 0; k < GBT_COUNT; k++) {
+    for (int k = 0; k < work->count; k++) {
         const gbt_real c = work->c[k], most = LIFT < c / 2 ? LIFT : c / 2;
         gbt_real s, t;
         split(work->y[k] + work->width[k], mu / c, &s, &t);
@@ -27,14 +27,14 @@ void gbt_lift(gbt_workspace *work, gbt_real mu)
 
 void gbt_centre(gbt_workspace *work, gbt_real mu)
 {
-    for (int k = 0; k < GBT_COUNT; k++)
+    for (int k = 0; k < work->count; k++)
         split(work->y[k] + work->width[k] - work->e[k], mu / work->c[k], &work->s[k], &work->t[k]);
 }
 
 gbt_real gbt_off_centre(const gbt_workspace *work, gbt_real mu)
 {
     gbt_real worst = 0;
-    for (int k = 0; k < GBT_COUNT; k++) {
+    for (int k = 0; k < work->count; k++) {
         const gbt_real c = work->c[k], lambda = work->lambda[k];
         const gbt_real off[3] = {lambda * work->t[k] - mu, (c - lambda) * work->s[k] - mu,
                                  (2 * work->width[k] * lambda / c - work->e[k]) * lambda};
@@ -46,7 +46,7 @@ gbt_real gbt_off_centre(const gbt_workspace *work, gbt_real mu)
 
 void gbt_eliminate(gbt_workspace *work, gbt_real mu)
 {
-    for (int k = 0; k < GBT_COUNT; k++) {
+    for (int k = 0; k < work->count; k++) {
         const gbt_real c = work->c[k], lambda = work->lambda[k], nu = c - lambda, soft = 2 * work->width[k] / c;
         const gbt_real s = work->s[k], t = work->t[k];
         work->sigma[k] = 1 / (soft + t / lambda + s / nu);
@@ -57,7 +57,7 @@ void gbt_eliminate(gbt_workspace *work, gbt_real mu)
 
 void gbt_correct(gbt_workspace *work, gbt_real mu)
 {
-    for (int k = 0; k < GBT_COUNT; k++) {
+    for (int k = 0; k < work->count; k++) {
         const gbt_real lambda = work->lambda[k], nu = work->c[k] - lambda, dlambda = work->dlambda[k];
         const gbt_real ds = mu / nu - work->s[k] + work->s[k] / nu * dlambda;
         const gbt_real dt = mu / lambda - work->t[k] - work->t[k] / lambda * dlambda;
@@ -68,7 +68,7 @@ void gbt_correct(gbt_workspace *work, gbt_real mu)
 
 void gbt_recover(gbt_workspace *work)
 {
-    for (int k = 0; k < GBT_COUNT; k++) {
+    for (int k = 0; k < work->count; k++) {
         work->dlambda[k] = (work->dy[k] + work->shift[k]) * work->sigma[k];
         work->de[k] = 2 * work->width[k] / work->c[k] * (work->lambda[k] + work->dlambda[k]) - work->e[k];
     }
@@ -77,7 +77,7 @@ void gbt_recover(gbt_workspace *work)
 gbt_real gbt_barrier(const gbt_workspace *work, const gbt_real *y, gbt_real mu, gbt_real alpha)
 {
     gbt_real sum = 0;
-    for (int k = 0; k < GBT_COUNT; k++) {
+    for (int k = 0; k < work->count; k++) {
         const gbt_real c = work->c[k], w = work->width[k], e = work->e[k] + alpha * work->de[k];
         gbt_real s, t;
         split(y[k] + w - e, mu / c, &s, &t);
@@ -90,7 +90,7 @@ gbt_real gbt_barrier(const gbt_workspace *work, const gbt_real *y, gbt_real mu, 
 gbt_real gbt_barrier_slope(const gbt_workspace *work, gbt_real mu)
 {
     gbt_real sum = 0;
-    for (int k = 0; k < GBT_COUNT; k++) {
+    for (int k = 0; k < work->count; k++) {
         const gbt_real w = work->width[k], slope = mu / work->t[k];
         sum += slope * work->dy[k];
         if (w > 0) sum += (work->c[k] * work->e[k] / (2 * w) - slope) * work->de[k];
@@ -101,7 +101,7 @@ gbt_real gbt_barrier_slope(const gbt_workspace *work, gbt_real mu)
 gbt_real gbt_penalty(const gbt_workspace *work)
 {
     gbt_real sum = 0;
-    for (int k = 0; k < GBT_COUNT; k++) {
+    for (int k = 0; k < work->count; k++) {
         const gbt_real y = work->y[k], w = work->width[k];
         if (y > w)
             sum += work->c[k] * y;
@@ -113,7 +113,7 @@ gbt_real gbt_penalty(const gbt_workspace *work)
 
 void gbt_move_sides(gbt_workspace *work, gbt_real alpha, gbt_real fraction)
 {
-    for (int k = 0; k < GBT_COUNT; k++) {
+    for (int k = 0; k < work->count; k++) {
         const gbt_real c = work->c[k], old = work->lambda[k];
         const gbt_real least = (1 - fraction) * old, most = c - (1 - fraction) * (c - old);
         /* The multipliers go half as short as the trajectory: they tell what comes, and have no line search to fear. */

@@ -1,24 +1,17 @@
-/* A primal-dual interior-point method on an elastic form of the limits.
-
-   Every limit may be violated at a price (gbt_slacks.h), so every trajectory is feasible for the program that is
-   solved: each iterate can be executed and judged, and there is need for neither a filter nor a restoration phase. */
+/* One solve: from where it starts, and what is done where it fails. The method is in gbt_interior.c. */
 #include "gbt_solver.h"
 
 #include <tgmath.h>
 
+#include "gbt_interior.h"
 #include "gbt_pieces.h"
-#include "gbt_riccati.h"
 #include "gbt_slacks.h"
 
-#define FRACTION ((gbt_real)0.99)       /* of the way to zero that a multiplier may go in one step */
-#define ARMIJO ((gbt_real)1e-4)
-#define SHORTEST ((gbt_real)1e-10)      /* step at which the line search gives up */
-#define MU_LAST ((gbt_real)1e-5)        /* the last mu, at most: where there are few limits */
-#define NEAR_ENOUGH ((gbt_real)20)     /* error over mu at which mu is lowered */
-#define DELTA_FIRST ((gbt_real)1e-5)    /* first regularisation of an indefinite Hessian */
-#define DELTA_LAST ((gbt_real)1e12)
-#define ESCALATION ((gbt_real)100)      /* of the weight of hard limits that a solution violates */
-#define HEAVIEST ((gbt_real)1e7)
+/* Pieces of the tail that is solved ahead of a warm start, and how well: it only has to be a good guess. */
+#define TAIL (GBT_PIECES < 16 ? GBT_PIECES / 2 : 8)
+#define SHORT 5 /* pieces of a horizon that needs no such help */
+#define ROUGH ((gbt_real)1e-2)
+#define ASIDE ((gbt_real)0.1) /* of the full thrust, at a second start */
 
 /* mu of each start over that of the first */
 static const gbt_real barrier_of_start[] = {1, 3, 10, (gbt_real)0.3};
@@ -38,206 +31,59 @@ void gbt_default_settings(gbt_settings *settings)
 
 size_t gbt_workspace_bytes(void) { return sizeof(gbt_workspace); }
 
-static int all_finite(const gbt_real *x, int count)
+/* Makes pieces first .. first + pieces - 1 of the trajectory u from start what is solved next. */
+static void load(const gbt_real *start, const gbt_real *parameters, int first, int pieces, const gbt_real *u,
+                 gbt_workspace *work)
 {
-    for (int k = 0; k < count; k++)
-        if (!isfinite(x[k])) return 0;
-    return 1;
-}
-
-/* c and the half width of every side. */
-static void weigh_limits(gbt_workspace *work, gbt_real limit_weight)
-{
-    gbt_real *c = work->c, *width = work->width;
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        for (int k = limit->first; k <= limit->intervals; k++) {
-            /* the trapezoidal rule of the penalty */
-            const gbt_real node = k == 0 || k == limit->intervals ? (gbt_real)0.5 : 1;
-            for (int i = 0; i < GBT_PIECES; i++)
-                for (int r = 0; r < limit->sides; r++) {
-                    *c++ = limit->hard ? limit_weight : node * limit->weight[r];
-                    *width++ = limit->hard ? 0 : limit->width[r];
-                }
-        }
+    work->pieces = pieces;
+    work->count = GBT_COUNT / GBT_PIECES * pieces;
+    work->parameters = parameters + first * GBT_PARAMETERS;
+    work->moving = parameters + GBT_LIMIT_NUMBERS + first * GBT_MOVING;
+    for (int a = 0; a < GBT_STATE; a++) work->piece[0][a / GBT_FLAT][a % GBT_FLAT] = start[a];
+    for (int i = 0; i < first + pieces; i++) {
+        gbt_real(*piece)[GBT_FLAT] = work->piece[i < first ? 0 : i - first];
+        for (int j = 0; j < GBT_FLAT; j++) piece[GBT_DEGREE][j] = u[i * GBT_FLAT + j] * gbt_input_scale[j];
+        if (i < first) gbt_next_piece(piece, piece);
     }
+    gbt_propagate(work->piece, pieces);
 }
 
-/* Largest side of all limits, or of the hard ones. */
-static gbt_real worst_side(const gbt_workspace *work, int hard_only)
+static void store(const gbt_workspace *work, int first, gbt_real *u)
 {
-    const gbt_real *y = work->y;
-    gbt_real worst = -HUGE_VAL;
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        const int count = (limit->intervals - limit->first + 1) * GBT_PIECES * limit->sides;
-        for (int k = 0; k < count; k++)
-            if ((limit->hard || !hard_only) && y[k] > worst) worst = y[k];
-        y += count;
-    }
-    return worst;
+    for (int i = 0; i < work->pieces; i++)
+        for (int j = 0; j < GBT_FLAT; j++)
+            u[(first + i) * GBT_FLAT + j] = work->piece[i][GBT_DEGREE][j] / gbt_input_scale[j];
 }
 
-/* work->pull: the gradient of f plus the Jacobians transposed times these multipliers, piece by piece. */
-static void lagrangian_gradient(gbt_workspace *work, const gbt_real *multipliers)
+/* Constant velocity, and a little thrust to one side: a start that is symmetric about the line of sight gives steps that
+   are so too, and may creep along a ridge between two plans. With L > 2 the highest inherited derivative is brought to
+   zero within the first piece. */
+static void coast_aside(const gbt_real *start, gbt_real *u)
 {
-    for (int i = 0; i < GBT_PIECES; i++)
-        for (int l = 0; l < GBT_ORDERS; l++)
-            for (int j = 0; j < GBT_FLAT; j++) work->pull[i][l][j] = work->gradient[i][l][j];
-    gbt_pull_back(work, multipliers, work->pull);
-}
-
-/* Infinity norm of the gradient of the Lagrangian, per scaled unknown; NaN if there is one in it. */
-static gbt_real residual(gbt_workspace *work)
-{
-    gbt_real worst = 0;
-    lagrangian_gradient(work, work->lambda);
-    gbt_adjoint(work->pull, work->push);
     for (int i = 0; i < GBT_PIECES; i++)
         for (int j = 0; j < GBT_FLAT; j++) {
-            const gbt_real slope = fabs(work->push[i][j] * gbt_input_scale[j]);
-            if (!(slope <= worst)) worst = slope;
-            if (isnan(worst)) return worst;
+            gbt_real *top = &u[i * GBT_FLAT + j];
+            *top = ASIDE * (gbt_real)(GBT_FLAT - j) / GBT_FLAT;
+            if (i == 0 && GBT_DEGREE > 2) *top -= start[GBT_STATE - GBT_FLAT + j] / GBT_PERIOD / gbt_input_scale[j];
         }
-    return worst;
 }
 
-static gbt_real objective_slope(const gbt_workspace *work)
+/* A shifted plan is optimal nearly everywhere but at its end, where the new piece coasts and the pieces before it were
+   planned as if nothing came after them. Left to the whole problem, the few pieces there take most of its iterations,
+   each as dear as all pieces together, and end in a poor local optimum. So they are solved first, their beginning
+   fixed, from a barrier that lets them move. */
+static void solve_tail(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters, gbt_real *u,
+                       gbt_workspace *work, gbt_result *result)
 {
-    gbt_real slope = 0;
-    for (int i = 0; i < GBT_PIECES; i++)
-        for (int l = 0; l < GBT_ORDERS; l++)
-            for (int j = 0; j < GBT_FLAT; j++) slope += work->gradient[i][l][j] * work->step[i][l][j];
-    return slope;
-}
-
-/* Factorises the Hessian regularised as much as makes it positive definite; returns how much, negative if nothing
-   helps. It starts well below what the last indefinite Hessian needed: a factorisation costs little beside the Hessian,
-   and a step that is damped too much costs an iteration. */
-static gbt_real convexify(gbt_workspace *work, gbt_real last)
-{
-    gbt_real delta = last / 100 > DELTA_FIRST ? last / 100 : DELTA_FIRST;
-    if (gbt_factorise(work, 0)) return 0;
-    for (; delta < DELTA_LAST; delta *= 4)
-        if (gbt_factorise(work, delta)) return delta;
-    return -1;
-}
-
-/* Newton's step with the multipliers work->target, of which sigma and shift are known. */
-static void find_step(gbt_workspace *work)
-{
-    lagrangian_gradient(work, work->target);
-    gbt_newton_step(work, work->pull);
-    gbt_push_forward(work);
-    gbt_recover(work);
-}
-
-/* Merit after a step alpha, HUGE_VAL where there is none; leaves work->trial, f_trial and y_trial. */
-static gbt_real merit_after(gbt_workspace *work, gbt_real mu, gbt_real alpha)
-{
-    gbt_real merit;
-    for (int i = 0; i < GBT_PIECES; i++)
-        for (int l = 0; l < GBT_ORDERS; l++)
-            for (int j = 0; j < GBT_FLAT; j++)
-                work->trial[i][l][j] = work->piece[i][l][j] + alpha * work->step[i][l][j];
-    work->f_trial = gbt_evaluate(work, work->trial, work->y_trial);
-    merit = work->f_trial + gbt_barrier(work, work->y_trial, mu, alpha);
-    return isfinite(merit) ? merit : HUGE_VAL;
-}
-
-/* The full step, or the full corrected step, or a part of the step that decreases the merit; returns the part, 0 if
-   there is none. */
-static gbt_real search(gbt_workspace *work, gbt_real mu)
-{
-    const gbt_real merit = work->f + gbt_barrier(work, work->y, mu, 0);
-    const gbt_real slope = objective_slope(work) + gbt_barrier_slope(work, mu);
-    const gbt_real noise = 10 * GBT_EPSILON * (1 + fabs(merit));
-    const gbt_real trial = merit_after(work, mu, 1);
-    if (trial <= merit + ARMIJO * slope + noise) return 1;
-    if (trial < HUGE_VAL) {
-        gbt_correct(work, mu);
-        find_step(work);
-        if (merit_after(work, mu, 1) <= merit + ARMIJO * slope + noise) return 1;
-        gbt_eliminate(work, mu);
-        find_step(work);
-    }
-    for (gbt_real alpha = (gbt_real)0.5; alpha > SHORTEST; alpha /= 2)
-        if (merit_after(work, mu, alpha) <= merit + ARMIJO * alpha * slope + noise) return alpha;
-    return 0;
-}
-
-static void accept(gbt_workspace *work, gbt_real mu, gbt_real alpha)
-{
-    for (int i = 0; i < GBT_PIECES; i++)
-        for (int l = 0; l < GBT_ORDERS; l++)
-            for (int j = 0; j < GBT_FLAT; j++) work->piece[i][l][j] = work->trial[i][l][j];
-    work->f = work->f_trial;
-    gbt_move_sides(work, alpha, 1 - mu > FRACTION ? 1 - mu : FRACTION);
-}
-
-/* Iterates from work->piece; counts into result. */
-static gbt_status minimise(const gbt_settings *settings, gbt_real mu, gbt_workspace *work, gbt_result *result)
-{
-    const gbt_real mu_last = fmin(settings->gap * GBT_PIECES / (GBT_COUNT > 0 ? GBT_COUNT : 1), MU_LAST);
-    int last = result->iterations + settings->iterations;
-    gbt_real delta = 0;
-
-    if (last > settings->deadline) last = settings->deadline;
-    if (mu < mu_last || GBT_COUNT == 0) mu = mu_last;
-    work->f = gbt_evaluate(work, work->piece, work->y);
-    if (!isfinite(work->f) || !all_finite(work->y, GBT_COUNT)) return GBT_NUMERICAL_FAILURE;
-    gbt_lift(work, mu);
-    for (;; result->iterations++) {
-        gbt_centre(work, mu);
-        gbt_differentiate(work);
-        result->residual = residual(work);
-        if (isnan(result->residual)) return GBT_NUMERICAL_FAILURE;
-
-        if (mu <= mu_last && result->residual <= settings->tolerance && gbt_off_centre(work, mu) <= 10 * mu)
-            return GBT_SOLVED;
-        if (result->iterations >= last) return GBT_ITERATION_LIMIT;
-        while (mu > mu_last && result->residual <= NEAR_ENOUGH * mu && gbt_off_centre(work, mu) <= NEAR_ENOUGH * mu) {
-            mu = fmin(mu / 5, pow(mu, (gbt_real)1.2));
-            if (mu < mu_last) mu = mu_last;
-            gbt_centre(work, mu);
-        }
-
-        gbt_eliminate(work, mu);
-        gbt_assemble(work);
-        const gbt_real added = convexify(work, delta);
-        if (added < 0) return GBT_NUMERICAL_FAILURE;
-        if (added > 0) delta = added;
-        find_step(work);
-
-        const gbt_real alpha = search(work, mu);
-        if (alpha <= 0) return GBT_NUMERICAL_FAILURE;
-        accept(work, mu, alpha);
-    }
-}
-
-/* Minimises, and makes violated hard limits dearer until they are kept or nothing more is gained: the l1 penalty is
-   exact only while its weight exceeds the multipliers. */
-static gbt_status minimise_within_limits(const gbt_settings *settings, gbt_real mu, gbt_workspace *work,
-                                         gbt_result *result)
-{
-    gbt_real before = HUGE_VAL;
-    for (gbt_real weight = settings->limit_weight;; weight *= ESCALATION) {
-        weigh_limits(work, weight);
-        const gbt_status status = minimise(settings, mu, work, result);
-        const gbt_real violation = worst_side(work, 1);
-        if (status != GBT_SOLVED || violation <= settings->feasibility) return status;
-        if (weight >= HEAVIEST || violation > (gbt_real)0.99 * before) return GBT_LIMIT_VIOLATED;
-        before = violation;
-    }
-}
-
-/* Constant velocity; with L > 2 the highest inherited derivative is brought to zero within the first piece. */
-static void coast(gbt_workspace *work)
-{
-    for (int i = 0; i < GBT_PIECES; i++)
-        for (int j = 0; j < GBT_FLAT; j++)
-            work->piece[i][GBT_DEGREE][j] =
-                i == 0 && GBT_DEGREE > 2 ? -work->piece[0][GBT_DEGREE - 1][j] / GBT_PERIOD : 0;
+    const int most = settings->iterations < settings->deadline ? settings->iterations : settings->deadline;
+    gbt_result found;
+    found.iterations = 0;
+    load(start, parameters, GBT_PIECES - TAIL, TAIL, u, work);
+    gbt_weigh_limits(work, settings->limit_weight);
+    const gbt_status status = gbt_minimise(ROUGH, settings->barrier, settings->warm_barrier, most, work, &found);
+    if (status == GBT_SOLVED || status == GBT_ITERATION_LIMIT) store(work, GBT_PIECES - TAIL, u);
+    /* as many iterations of the whole as cost the same */
+    result->iterations += (found.iterations * TAIL + GBT_PIECES - 1) / GBT_PIECES;
 }
 
 gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,
@@ -250,41 +96,35 @@ gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const 
     result->iterations = result->starts = 0;
     result->residual = result->violation = HUGE_VAL;
     result->objective = -HUGE_VAL;
-    if (!all_finite(start, GBT_STATE) || !all_finite(parameters, GBT_NUMBERS) ||
-        !all_finite(u, GBT_PIECES * GBT_FLAT) || !isfinite(tightening))
+    if (!gbt_all_finite(start, GBT_STATE) || !gbt_all_finite(parameters, GBT_NUMBERS) ||
+        !gbt_all_finite(u, GBT_PIECES * GBT_FLAT) || !isfinite(tightening))
         return result->status;
 
-    work->parameters = parameters;
     work->tightening = tightening;
-    for (int a = 0; a < GBT_STATE; a++) work->piece[0][a / GBT_FLAT][a % GBT_FLAT] = start[a];
-    for (int i = 0; i < GBT_PIECES; i++)
-        for (int j = 0; j < GBT_FLAT; j++)
-            work->piece[i][GBT_DEGREE][j] = u[i * GBT_FLAT + j] * gbt_input_scale[j];
-
+    for (int k = 0; k < GBT_PIECES * GBT_FLAT; k++) work->guess[k] = u[k];
+    if (warm && GBT_PIECES > SHORT) solve_tail(settings, start, parameters, work->guess, work, result);
     result->status = GBT_NUMERICAL_FAILURE;
     do {
         gbt_result found = *result;
-        gbt_propagate(work->piece);
+        load(start, parameters, 0, GBT_PIECES, work->guess, work);
         const gbt_real mu =
             warm && result->starts == 0 ? settings->warm_barrier : settings->barrier * barrier_of_start[result->starts];
-        status = minimise_within_limits(settings, mu, work, &found);
+        status = gbt_minimise_within_limits(settings, mu, settings->deadline, work, &found);
         result->iterations = found.iterations;
         result->starts++;
 
         /* Of several unfinished starts the cheapest is kept; its limits are weighed as at first. */
-        weigh_limits(work, settings->limit_weight);
+        gbt_weigh_limits(work, settings->limit_weight);
         const gbt_real cost = work->f + gbt_penalty(work);
         if (status <= GBT_LIMIT_VIOLATED || cost < cheapest) {
             cheapest = cost;
             result->status = status <= GBT_LIMIT_VIOLATED ? status : GBT_ITERATION_LIMIT;
             result->residual = found.residual;
-            result->violation = worst_side(work, 0);
+            result->violation = gbt_worst_side(work, 0);
             result->objective = -work->f;
-            for (int i = 0; i < GBT_PIECES; i++)
-                for (int j = 0; j < GBT_FLAT; j++)
-                    u[i * GBT_FLAT + j] = work->piece[i][GBT_DEGREE][j] / gbt_input_scale[j];
+            store(work, 0, u);
         }
-        coast(work);
+        coast_aside(start, work->guess);
     } while (status > GBT_LIMIT_VIOLATED && result->starts < STARTS && result->iterations < settings->deadline);
     return result->status;
 }

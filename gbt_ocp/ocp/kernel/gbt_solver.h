@@ -72,7 +72,9 @@ typedef struct {
     gbt_real de[GBT_SIDES], dlambda[GBT_SIDES];
     gbt_real sigma[GBT_SIDES], shift[GBT_SIDES], target[GBT_SIDES];
     /* what the present solve is about */
-    const gbt_real *parameters;
+    gbt_real guess[GBT_PIECES * GBT_FLAT];
+    int pieces, count; /* of the part of the horizon that is being solved: pieces, and sides of their limits */
+    const gbt_real *parameters, *moving;
     gbt_real tightening, f, f_trial;
 } gbt_workspace;
 

@@ -1,0 +1,218 @@
+/* A primal-dual interior-point method on an elastic form of the limits.
+
+   Every limit may be violated at a price (gbt_slacks.h), so every trajectory is feasible for the program that is
+   solved: each iterate can be executed and judged, and there is need for neither a filter nor a restoration phase. */
+#include "gbt_interior.h"
+
+#include <tgmath.h>
+
+#include "gbt_pieces.h"
+#include "gbt_riccati.h"
+#include "gbt_slacks.h"
+
+#define FRACTION ((gbt_real)0.99)       /* of the way to zero that a multiplier may go in one step */
+#define ARMIJO ((gbt_real)1e-4)
+#define SHORTEST ((gbt_real)1e-10)      /* step at which the line search gives up */
+#define MU_LAST ((gbt_real)1e-5)        /* the last mu, at most: where there are few limits */
+#define NEAR_ENOUGH ((gbt_real)20)     /* error over mu at which mu is lowered */
+#define DELTA_FIRST ((gbt_real)1e-5)    /* first regularisation of an indefinite Hessian */
+#define DELTA_LAST ((gbt_real)1e12)
+#define ESCALATION ((gbt_real)100)      /* of the weight of hard limits that a solution violates */
+#define HEAVIEST ((gbt_real)1e7)
+
+int gbt_all_finite(const gbt_real *x, int count)
+{
+    for (int k = 0; k < count; k++)
+        if (!isfinite(x[k])) return 0;
+    return 1;
+}
+
+void gbt_weigh_limits(gbt_workspace *work, gbt_real limit_weight)
+{
+    gbt_real *c = work->c, *width = work->width;
+    for (int q = 0; q < GBT_LIMITS; q++) {
+        const gbt_limit *limit = &gbt_limits[q];
+        for (int k = limit->first; k <= limit->intervals; k++) {
+            /* the trapezoidal rule of the penalty */
+            const gbt_real node = k == 0 || k == limit->intervals ? (gbt_real)0.5 : 1;
+            for (int i = 0; i < work->pieces; i++)
+                for (int r = 0; r < limit->sides; r++) {
+                    *c++ = limit->hard ? limit_weight : node * limit->weight[r];
+                    *width++ = limit->hard ? 0 : limit->width[r];
+                }
+        }
+    }
+}
+
+gbt_real gbt_worst_side(const gbt_workspace *work, int hard_only)
+{
+    const gbt_real *y = work->y;
+    gbt_real worst = -HUGE_VAL;
+    for (int q = 0; q < GBT_LIMITS; q++) {
+        const gbt_limit *limit = &gbt_limits[q];
+        const int count = (limit->intervals - limit->first + 1) * work->pieces * limit->sides;
+        for (int k = 0; k < count; k++)
+            if ((limit->hard || !hard_only) && y[k] > worst) worst = y[k];
+        y += count;
+    }
+    return worst;
+}
+
+/* work->pull: the gradient of f plus the Jacobians transposed times these multipliers, piece by piece. */
+static void lagrangian_gradient(gbt_workspace *work, const gbt_real *multipliers)
+{
+    for (int i = 0; i < work->pieces; i++)
+        for (int l = 0; l < GBT_ORDERS; l++)
+            for (int j = 0; j < GBT_FLAT; j++) work->pull[i][l][j] = work->gradient[i][l][j];
+    gbt_pull_back(work, multipliers, work->pull);
+}
+
+/* Infinity norm of the gradient of the Lagrangian, per scaled unknown; NaN if there is one in it. */
+static gbt_real residual(gbt_workspace *work)
+{
+    gbt_real worst = 0;
+    lagrangian_gradient(work, work->lambda);
+    gbt_adjoint(work->pull, work->pieces, work->push);
+    for (int i = 0; i < work->pieces; i++)
+        for (int j = 0; j < GBT_FLAT; j++) {
+            const gbt_real slope = fabs(work->push[i][j] * gbt_input_scale[j]);
+            if (!(slope <= worst)) worst = slope;
+            if (isnan(worst)) return worst;
+        }
+    return worst;
+}
+
+static gbt_real objective_slope(const gbt_workspace *work)
+{
+    gbt_real slope = 0;
+    for (int i = 0; i < work->pieces; i++)
+        for (int l = 0; l < GBT_ORDERS; l++)
+            for (int j = 0; j < GBT_FLAT; j++) slope += work->gradient[i][l][j] * work->step[i][l][j];
+    return slope;
+}
+
+/* Factorises the Hessian regularised as much as makes it positive definite; returns how much, negative if nothing
+   helps. It starts well below what the last indefinite Hessian needed: a factorisation costs little beside the Hessian,
+   and a step that is damped too much costs an iteration. */
+static gbt_real convexify(gbt_workspace *work, gbt_real last)
+{
+    gbt_real delta = last / 100 > DELTA_FIRST ? last / 100 : DELTA_FIRST;
+    if (gbt_factorise(work, 0)) return 0;
+    for (; delta < DELTA_LAST; delta *= 4)
+        if (gbt_factorise(work, delta)) return delta;
+    return -1;
+}
+
+/* Newton's step with the multipliers work->target, of which sigma and shift are known. */
+static void find_step(gbt_workspace *work)
+{
+    lagrangian_gradient(work, work->target);
+    gbt_newton_step(work, work->pull);
+    gbt_push_forward(work);
+    gbt_recover(work);
+}
+
+/* Merit after a step alpha, HUGE_VAL where there is none; leaves work->trial, f_trial and y_trial. */
+static gbt_real merit_after(gbt_workspace *work, gbt_real mu, gbt_real alpha)
+{
+    gbt_real merit;
+    for (int i = 0; i < work->pieces; i++)
+        for (int l = 0; l < GBT_ORDERS; l++)
+            for (int j = 0; j < GBT_FLAT; j++)
+                work->trial[i][l][j] = work->piece[i][l][j] + alpha * work->step[i][l][j];
+    work->f_trial = gbt_evaluate(work, work->trial, work->y_trial);
+    merit = work->f_trial + gbt_barrier(work, work->y_trial, mu, alpha);
+    return isfinite(merit) ? merit : HUGE_VAL;
+}
+
+/* The full step, or the full corrected step, or a part of the step that decreases the merit; returns the part, 0 if
+   there is none. */
+static gbt_real search(gbt_workspace *work, gbt_real mu)
+{
+    const gbt_real merit = work->f + gbt_barrier(work, work->y, mu, 0);
+    const gbt_real slope = objective_slope(work) + gbt_barrier_slope(work, mu);
+    const gbt_real noise = 10 * GBT_EPSILON * (1 + fabs(merit));
+    const gbt_real trial = merit_after(work, mu, 1);
+    if (trial <= merit + ARMIJO * slope + noise) return 1;
+    if (trial < HUGE_VAL) {
+        gbt_correct(work, mu);
+        find_step(work);
+        if (merit_after(work, mu, 1) <= merit + ARMIJO * slope + noise) return 1;
+        gbt_eliminate(work, mu);
+        find_step(work);
+    }
+    for (gbt_real alpha = (gbt_real)0.5; alpha > SHORTEST; alpha /= 2)
+        if (merit_after(work, mu, alpha) <= merit + ARMIJO * alpha * slope + noise) return alpha;
+    return 0;
+}
+
+static void accept(gbt_workspace *work, gbt_real mu, gbt_real alpha)
+{
+    for (int i = 0; i < work->pieces; i++)
+        for (int l = 0; l < GBT_ORDERS; l++)
+            for (int j = 0; j < GBT_FLAT; j++) work->piece[i][l][j] = work->trial[i][l][j];
+    work->f = work->f_trial;
+    gbt_move_sides(work, alpha, 1 - mu > FRACTION ? 1 - mu : FRACTION);
+}
+
+gbt_real gbt_last_barrier(const gbt_settings *settings)
+{
+    return fmin(settings->gap * GBT_PIECES / (GBT_COUNT > 0 ? GBT_COUNT : 1), MU_LAST);
+}
+
+gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int iterations, gbt_workspace *work,
+                        gbt_result *result)
+{
+    const int last = result->iterations + iterations;
+    gbt_real delta = 0;
+
+    if (mu < mu_last || work->count == 0) mu = mu_last;
+    work->f = gbt_evaluate(work, work->piece, work->y);
+    if (!isfinite(work->f) || !gbt_all_finite(work->y, work->count)) return GBT_NUMERICAL_FAILURE;
+    gbt_lift(work, mu);
+    for (;; result->iterations++) {
+        gbt_centre(work, mu);
+        gbt_differentiate(work);
+        result->residual = residual(work);
+        if (isnan(result->residual)) return GBT_NUMERICAL_FAILURE;
+
+        if (mu <= mu_last && result->residual <= tolerance && gbt_off_centre(work, mu) <= 10 * mu)
+            return GBT_SOLVED;
+        if (result->iterations >= last) return GBT_ITERATION_LIMIT;
+        while (mu > mu_last && result->residual <= NEAR_ENOUGH * mu && gbt_off_centre(work, mu) <= NEAR_ENOUGH * mu) {
+            mu = fmin(mu / 5, pow(mu, (gbt_real)1.2));
+            if (mu < mu_last) mu = mu_last;
+            gbt_centre(work, mu);
+        }
+
+        gbt_eliminate(work, mu);
+        gbt_assemble(work);
+        const gbt_real added = convexify(work, delta);
+        if (added < 0) return GBT_NUMERICAL_FAILURE;
+        if (added > 0) delta = added;
+        find_step(work);
+
+        const gbt_real alpha = search(work, mu);
+        if (alpha <= 0) return GBT_NUMERICAL_FAILURE;
+        accept(work, mu, alpha);
+    }
+}
+
+/* Violated hard limits are made dearer until they are kept or nothing more is gained: the l1 penalty is exact only
+   while its weight exceeds the multipliers. */
+gbt_status gbt_minimise_within_limits(const gbt_settings *settings, gbt_real mu, int deadline, gbt_workspace *work,
+                                      gbt_result *result)
+{
+    gbt_real before = HUGE_VAL;
+    for (gbt_real weight = settings->limit_weight;; weight *= ESCALATION) {
+        const int left = deadline - result->iterations;
+        gbt_weigh_limits(work, weight);
+        const gbt_status status =
+            gbt_minimise(settings->tolerance, mu, gbt_last_barrier(settings),
+                         left < settings->iterations ? left : settings->iterations, work, result);
+        const gbt_real violation = gbt_worst_side(work, 1);
+        if (status != GBT_SOLVED || violation <= settings->feasibility) return status;
+        if (weight >= HEAVIEST || violation > (gbt_real)0.99 * before) return GBT_LIMIT_VIOLATED;
+        before = violation;
+    }
+}

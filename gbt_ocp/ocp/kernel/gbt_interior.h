@@ -1,0 +1,27 @@
+/* The interior-point method itself, on the first work->pieces pieces from where they are. */
+#ifndef GBT_INTERIOR_H
+#define GBT_INTERIOR_H
+
+#include "gbt_solver.h"
+
+/* The last mu: it bounds what the objective loses by the barrier. */
+gbt_real gbt_last_barrier(const gbt_settings *settings);
+
+/* Iterates from work->piece while mu falls to mu_last and until the gradient of the Lagrangian is within the tolerance,
+   at most so many times. Adds to result->iterations what it took and sets result->residual. */
+gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int iterations, gbt_workspace *work,
+                        gbt_result *result);
+
+/* The same until the hard limits are kept or no weight helps, or result->iterations has come to the deadline. */
+gbt_status gbt_minimise_within_limits(const gbt_settings *settings, gbt_real mu, int deadline, gbt_workspace *work,
+                                      gbt_result *result);
+
+/* c and the half width of every side; the weight is that of the hard limits. */
+void gbt_weigh_limits(gbt_workspace *work, gbt_real limit_weight);
+
+/* Largest side of all limits, or of the hard ones. */
+gbt_real gbt_worst_side(const gbt_workspace *work, int hard_only);
+
+int gbt_all_finite(const gbt_real *x, int count);
+
+#endif
