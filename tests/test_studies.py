@@ -172,8 +172,7 @@ def test_parameters_are_shipped_for_every_method_and_case_and_lie_on_its_grids()
     for dimension, cases in ((2, PLANE), (3, SPACE)):
         for method in methods(dimension):
             axes = {key: values for grid in method.grids for key, values in grid.items()}
-            # in space only the first of several grids was searched so far, and all of those of the full positions
-            searched = [*axes] if dimension == 2 or method.name == FULL_POSITIONS else [*(method.grids or [{}])[0]]
+            searched = [*axes]
             for case in cases:
                 point = tuning.shipped()[method.name, case]
                 assert list(point) == searched
