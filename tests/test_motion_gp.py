@@ -42,10 +42,9 @@ def test_one_bearing_says_nothing_about_range():
     assert tracker.hypotheses == []
     tracker.update(0.0, [1.0, 0.0], [3.0, 4.0])
     assert not tracker.range_observable
-    # the spread of the log-normal prior, over its mean
-    assert tracker.range_std_over_range == pytest.approx(np.sqrt(np.e - 1.0), rel=0.05)
-    mean = tracker.predict([0.0]).mean[0]
-    assert mean == pytest.approx([3.0 + 50.0 * np.exp(0.5), 4.0], rel=0.02)
+    # the log-normal prior, at its median
+    assert tracker.range_std_over_range == pytest.approx(1.0, rel=0.05)
+    assert tracker.predict([0.0]).mean[0] == pytest.approx([53.0, 4.0], rel=0.02)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

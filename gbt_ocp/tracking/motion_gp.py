@@ -332,9 +332,9 @@ class MotionShapeTracker:
 
     @property
     def range_std_over_range(self) -> float:
-        """Posterior standard deviation of the range now over its mean; that of the prior before the first bearing."""
+        """Posterior standard deviation of the range now over the range; that of the prior before the first bearing."""
         if self._fit is None:
-            return float(np.sqrt(np.expm1(self._prior.range.log_std**2)))
+            return self._prior.range.log_std
         forecast = self._moments_ahead(0.0)
         mean, covariance = forecast.mean[0], forecast.covariance[0]
         distance = float(np.linalg.norm(mean))

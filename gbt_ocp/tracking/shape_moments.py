@@ -1,8 +1,9 @@
 """Mean and covariance of the position at nodes of time, of a mixture of Gaussians in the coordinates of a motion.
 
-A position is linear in all coordinates but the logarithm of the range, along which the posterior may be as wide as its
-prior. That one is integrated by Gauss-Hermite nodes, with the others conditioned on it and the motion linearised at
-each node.
+Each component is mapped at its mode: the position there, and its covariance by the slopes there. Where the range is
+hardly known this is a choice. In log range the posterior is about Gaussian, in metres it is skewed, and its mean lies
+far beyond its median; a component is reported at its median range, with the deviation of log range times that range.
+On recorded logs the mean of the skewed density has half as much error again (docs/sea.md).
 """
 
 from __future__ import annotations
@@ -12,18 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gbt_ocp.tracking.motion_shape import Motions, MotionShape
+from gbt_ocp.tracking.motion_shape import MotionShape
 from gbt_ocp.tracking.shape_fit import Fit
 from gbt_ocp.tracking.shape_processes import interpolation
 
 Array = NDArray[np.float64]
-
-NARROW = 0.03
-"""Standard deviation of log range below which one node does."""
-
-# of the weight exp(-x²/2)
-_ROOTS, _SHARES = np.polynomial.hermite_e.hermegauss(5)
-_SHARES = _SHARES / _SHARES.sum()
 
 
 class Moments(NamedTuple):
@@ -49,32 +43,18 @@ class Moments(NamedTuple):
 
 def moments_ahead(shape: MotionShape, found: Fit, weights: Array, horizon: float) -> Moments:
     """Moments from now to at least ``horizon`` seconds ahead, under weights ``(B,)`` that sum to one."""
-    motions, covariance, share = _along_range(shape, found, weights)
-    times, nodes = shape.ahead(motions, horizon)
+    times, nodes = shape.ahead(found.motions, horizon)
     known = shape.size
-    spread = _spread(nodes.slopes[..., :known], covariance)
+    spread = _spread(nodes.slopes[..., :known], found.covariance)
     beyond = nodes.slopes[..., known:]
     spread += np.einsum("bgik,bgjk->bgij", beyond, beyond)
-    return _mixed(times, nodes.positions, spread, share)
+    return _mixed(times, nodes.positions, spread, weights)
 
 
 def moments_behind(shape: MotionShape, found: Fit, weights: Array) -> Moments:
     """Moments over the past that the knots reach: the smoothed track."""
-    motions, covariance, share = _along_range(shape, found, weights)
-    nodes = shape.past(motions)
-    return _mixed(shape.past_nodes, nodes.positions, _spread(nodes.slopes, covariance), share)
-
-
-def _along_range(shape: MotionShape, found: Fit, weights: Array) -> tuple[Motions, Array, Array]:
-    """The components, each split along its log range: motions, conditional covariances and weights."""
-    deviation = np.sqrt(found.covariance[:, 0, 0])
-    if np.all(shape.prior.range.log_std * deviation < NARROW):
-        return found.motions, found.covariance, weights
-    along = found.covariance[:, :, 0] / deviation[:, None]
-    rest = found.covariance - along[:, :, None] * along[:, None, :]
-    motions = Motions.joined([shape.moved(found.motions, root * along) for root in _ROOTS])
-    count = len(_ROOTS)
-    return motions, np.tile(rest, (count, 1, 1)), np.concatenate([share * weights for share in _SHARES])
+    nodes = shape.past(found.motions)
+    return _mixed(shape.past_nodes, nodes.positions, _spread(nodes.slopes, found.covariance), weights)
 
 
 def _spread(slopes: Array, covariance: Array) -> Array:
