@@ -11,6 +11,7 @@ from gbt_ocp.experiments import tracker_sections as sections
 from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.experiments.noise_sections import Noise, NoisyBearings
 from gbt_ocp.tracking.bearing_noise import BearingNoise
+from gbt_ocp.tracking.ekf import ExtendedKalmanFilter, FirstGuess, ImmExtendedTracker
 from gbt_ocp.tracking.gp import GaussianProcessTracker
 from gbt_ocp.tracking.imm import ImmPositionTracker, ImmPseudoLinearTracker, InteractingMultipleModel
 from gbt_ocp.tracking.likelihood import LogNormal
@@ -167,11 +168,19 @@ def _baseline(section: sections.BaselineTracker, prior: PositionPrior, period: f
             bearing_std=math.radians(section.bearing_std_deg),
             initial_variance=section.initial_variance,
         )
+    if isinstance(section, sections.FirstGuess):
+        guess = FirstGuess(prior, section.initial_range_std_m, section.initial_speed_std)
+        deviation = math.radians(section.bearing_std_deg)
+        if isinstance(section, sections.InteractingExtendedTracker):
+            return ImmExtendedTracker(guess, _models(section), bearing_std=deviation)
+        return ExtendedKalmanFilter(guess, process_noise=section.process_noise, bearing_std=deviation)
     assert isinstance(section, sections.InteractingPositionTracker), "all kinds are built above"
     return ImmPositionTracker(prior, _models(section), position_std=section.position_std_m)
 
 
-def _models(section: sections.InteractingModelsTracker) -> InteractingMultipleModel:
+def _models(
+    section: sections.InteractingModelsTracker | sections.InteractingExtendedTracker,
+) -> InteractingMultipleModel:
     return InteractingMultipleModel(
         initial_variance=section.initial_variance,
         process_noise=section.process_noise,

@@ -23,6 +23,8 @@ TRACKERS = {
     "oe_cv": "orthogonality-based estimator of a target with constant velocity",
     "plkf": "pseudo-linear Kalman filter",
     "imm_plkf": "interacting multiple models with pseudo-linear updates",
+    "ekf": "extended Kalman filter, constant velocity",
+    "imm_ekf": "interacting multiple models with extended updates",
     "imm_kf_f": "interacting multiple models that see the target's full position",
     "pr": "polynomial regression on the window",
 }
@@ -243,6 +245,44 @@ class InteractingPositionTracker(InteractingModelsTracker):
     )
 
 
+class FirstGuess(BaselineTracker):
+    """What the extended filters share."""
+
+    initial_range_std_m: float = key(3.0, "Standard deviation in m of that range.", "a number > 0", gt=0.0)
+    initial_speed_std: float = key(
+        1.0, "Standard deviation of each component of the velocity in m/s at the start.", "a number > 0", gt=0.0
+    )
+    process_noise: float = key(
+        0.1, "q, spectral density of the acceleration in m^2/s^3 under constant velocity.", "a number > 0", gt=0.0
+    )
+    bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", "a number > 0", gt=0.0)
+
+
+class ExtendedKalmanTracker(FirstGuess):
+    """Extended Kalman filter."""
+
+    kind: Literal["ekf"] = Field(description="Extended Kalman filter.")
+
+
+class InteractingExtendedTracker(FirstGuess):
+    """Interacting multiple models with extended updates."""
+
+    kind: Literal["imm_ekf"] = Field(description="Interacting models, extended updates.")
+    initial_variance: float = key(
+        1.0,
+        "P0, variance of the velocity (and acceleration) in SI units, and of the position without a prior.",
+        "a number > 0",
+        gt=0.0,
+    )
+    jerk_noise: float = key(
+        0.1, "Spectral density of the jerk in m^2/s^5 where the acceleration varies.", "a number > 0", gt=0.0
+    )
+    stay_probability: float = key(
+        0.9, "Probability that a mode lasts for another measurement.", "a number between 0 and 1", gt=0.0, lt=1.0
+    )
+    turn_rate_max: float = key(2.0, "Largest turn rate in rad/s.", "a number > 0", gt=0.0)
+
+
 class PolynomialTracker(BaselineTracker):
     """Polynomial regression."""
 
@@ -259,6 +299,8 @@ AnyTracker = Annotated[
     | OrthogonalityVelocityTracker
     | PseudoLinearKalmanTracker
     | InteractingPseudoLinearTracker
+    | ExtendedKalmanTracker
+    | InteractingExtendedTracker
     | InteractingPositionTracker
     | PolynomialTracker,
     Field(discriminator="kind"),

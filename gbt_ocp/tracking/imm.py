@@ -126,7 +126,10 @@ class InteractingMultipleModel:
         self._means, self._covariances = predicted(*_mixture(weights, self._means, self._covariances), *models)
 
     def correct(self, observation: Array, noise: Array, value: Array) -> None:
-        """Condition each mode on ``value = H x + noise`` with R ``(3, k, k)``, and the modes' probabilities on it."""
+        """Condition each mode on ``value = H x + noise`` with R ``(3, k, k)``, and the modes' probabilities on it.
+
+        H ``(k, n)`` and the value ``(k,)`` may differ from mode to mode, with a leading axis.
+        """
         done = updated(self._means, self._covariances, observation, noise, value)
         self._means, self._covariances = done.mean, done.covariance
         weights = self.probabilities * np.exp(done.log_likelihood - np.max(done.log_likelihood))
@@ -152,7 +155,7 @@ def _mixture(weights: Array, means: Array, covariances: Array) -> tuple[Array, A
     return mean, symmetric(spread)
 
 
-class _ImmTracker:
+class ImmTracker:
     """What both trackers share: the models, the time of the latest measurement, and the forecast."""
 
     def __init__(self, prior: PositionPrior, models: InteractingMultipleModel) -> None:
@@ -166,7 +169,7 @@ class _ImmTracker:
         return self._prior.forecast(len(t)) if self._time is None else self.models.forecast(t - self._time)
 
 
-class ImmPseudoLinearTracker(_ImmTracker):
+class ImmPseudoLinearTracker(ImmTracker):
     """IMM-PLKF: each mode is updated as a :class:`~gbt_ocp.tracking.plkf.PseudoLinearKalmanFilter`, with its own range.
 
     Parameters
@@ -208,7 +211,7 @@ class ImmPseudoLinearTracker(_ImmTracker):
         self.models.correct(observation, pseudo_noise(self.models.means[:, : len(own)], own, self._deviation), value)
 
 
-class ImmPositionTracker(_ImmTracker):
+class ImmPositionTracker(ImmTracker):
     """IMM-KF-F: the same modes, updated with the target's full position.
 
     Parameters

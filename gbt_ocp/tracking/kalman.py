@@ -52,15 +52,15 @@ def updated(mean: Array, covariance: Array, observation: Array, noise: Array, va
     mean, covariance
         ``(..., n)`` and ``(..., n, n)``.
     observation
-        H ``(k, n)``.
+        H ``(..., k, n)``.
     noise
         R ``(..., k, k)``.
     value
-        ``(k,)``.
+        ``(..., k)``.
     """
-    innovation = value - mean @ observation.T
+    innovation = value - (observation @ mean[..., None])[..., 0]
     cross = observation @ covariance
-    spread = symmetric(cross @ observation.T + noise)
+    spread = symmetric(cross @ np.swapaxes(observation, -1, -2) + noise)
     gain = np.swapaxes(np.linalg.solve(spread, cross), -1, -2)
     kept = np.eye(mean.shape[-1]) - gain @ observation
     after = kept @ covariance @ np.swapaxes(kept, -1, -2) + gain @ noise @ np.swapaxes(gain, -1, -2)
