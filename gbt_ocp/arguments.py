@@ -38,6 +38,11 @@ EXAMPLES = {
         "gbt-ocp animate runs/case2-default-penalty-seed0 --out case2.gif",
     ),
     "report": ("gbt-ocp report runs/case2-default-penalty-seed0 --out case2.html",),
+    "replay": (
+        "gbt-ocp replay log.csv --bearing-from north",
+        "gbt-ocp replay log.csv --bearing-from x --tracker motion_gp,ekf,imm_ekf --out runs/log",
+        "gbt-ocp replay log.csv --config mine.yaml --latency 0.5 --set tracker.range.median_m=200",
+    ),
     "new": ("gbt-ocp new my_problem.py", "gbt-ocp run my_problem.py"),
     "completion": (
         "gbt-ocp completion bash > ~/.local/share/bash-completion/completions/gbt-ocp",
@@ -113,6 +118,8 @@ def parser() -> argparse.ArgumentParser:
     _add_run_dir(report)
     _add_file(report, "the page (default: report.html in the run folder)")
 
+    _add_replay(command("replay", "track a target from a log of own positions and bearings"))
+
     new = command("new", "write a commented problem of your own to start from")
     new.add_argument("file", metavar="FILE.py", type=Path, help="a new Python file")
 
@@ -181,6 +188,22 @@ def _add_comparison(compare: argparse.ArgumentParser) -> None:
     _add_out(compare, "a new or empty folder, or one to go on with")
     compare.add_argument("--jobs", metavar="J", type=_count, help="processes (default: one a core)")
     _add_quiet(compare)
+
+
+def _add_replay(replay: argparse.ArgumentParser) -> None:
+    log = replay.add_argument("log", metavar="LOG.csv", type=Path, help="columns t, own_x, own_y, bearing_deg ...")
+    _completed(log, shtab.FILE)
+    config = replay.add_argument("--config", metavar="CONFIG", default="replay", help="configuration (default: replay)")
+    _completed(config, _CONFIG)
+    replay.add_argument("--tracker", metavar="NAME,NAME", type=_names, default=[], help="trackers side by side, or all")
+    replay.add_argument(
+        "--bearing-from", choices=("x", "north"), help="x: counter-clockwise from +x; north: clockwise from +y"
+    )
+    replay.add_argument("--latency", metavar="S", type=float, help="age in s of a bearing at its time stamp")
+    _add_out(replay, "a new or empty folder (default: a new one in runs/)")
+    _add_set(replay, "replace single keys")
+    replay.add_argument("--no-figures", action="store_true", help="write no figures")
+    _add_quiet(replay)
 
 
 def _add_sweep(sweep: argparse.ArgumentParser) -> None:

@@ -156,7 +156,12 @@ def _limits_kept(violation: float | None, clipped: int) -> bool:
 
 def _new_folder(configuration: Configuration) -> Path:
     formulation = configuration.planner.formulation
-    folder = Path("runs") / f"{configuration.name}-{configuration.preset}-{formulation}-seed{configuration.seed}"
+    return _free(f"{configuration.name}-{configuration.preset}-{formulation}-seed{configuration.seed}")
+
+
+def _free(name: str) -> Path:
+    """A folder in ``runs/`` that does not exist yet."""
+    folder = Path("runs") / name
     return _beside(folder) if folder.exists() else folder
 
 
@@ -364,6 +369,44 @@ def _completion(arguments: argparse.Namespace) -> int:
     return DONE
 
 
+def _replay(arguments: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    from gbt_ocp.experiments.replay import replay
+    from gbt_ocp.reporting.replay import score_table
+
+    out: Path | None = arguments.out
+    if out is not None and out.exists() and not (out.is_dir() and not any(out.iterdir())):
+        raise ConfigurationError([f"--out: found {out}, which is not an empty folder; allowed: a new or empty folder"])
+    with tqdm(disable=arguments.quiet, file=sys.stderr, unit="bearing") as bar:
+
+        def after(name: str, done: int, total: int) -> None:
+            if done == 1:
+                bar.reset(total)
+                bar.set_description(name)
+            bar.update()
+
+        found = replay(
+            arguments.log,
+            arguments.config,
+            trackers=arguments.tracker,
+            bearing_from=arguments.bearing_from,
+            latency=arguments.latency,
+            overrides=arguments.set,
+            progress=after,
+        )
+    out = out or _free(f"replay-{arguments.log.stem}")
+    try:
+        found.save(out, figures=not arguments.no_figures)
+    except OSError as fault:
+        raise ConfigurationError(
+            [f"--out: found {out}, which cannot be written ({fault}); allowed: a writable folder"]
+        ) from fault
+    print(score_table(found.summary).markdown())
+    print(f"\n{out}")
+    return DONE
+
+
 def _schema(arguments: argparse.Namespace) -> int:
     print(json.dumps(schema(), indent=2, ensure_ascii=False))
     return DONE
@@ -393,6 +436,7 @@ _SUBCOMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "animate": _animate,
     "report": _report,
     "new": _new,
+    "replay": _replay,
     "completion": _completion,
     "schema": _schema,
     "list": _list,

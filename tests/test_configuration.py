@@ -34,7 +34,7 @@ FAULTS = [
     ("sensor.period_ms", {"sensor": {"period_ms": 100}}, "period_s, noise_deg"),
     ("sensor", {"sensor": 3}, "a mapping with the keys period_s"),
     ("sensor", {"sensor": None}, "a mapping with the keys period_s"),
-    ("tracker.kind", {"tracker": {"kind": "ekf"}}, "gp"),
+    ("tracker.kind", {"tracker": {"kind": "kalman"}}, "gp"),
     ("tracker.window", {"tracker": {"window": 1}}, "a whole number >= 2"),
     ("tracker.window", {"tracker": {"window": 20.5}}, "a whole number >= 2"),
     ("tracker.forecast", {"tracker": {"forecast": 0}}, "a whole number >= 1"),

@@ -28,6 +28,7 @@ from gbt_ocp.experiments.keys import (
 )
 from gbt_ocp.experiments.limit_sections import Limits
 from gbt_ocp.experiments.problem import TrackingProblem
+from gbt_ocp.experiments.replay_section import Replay
 from gbt_ocp.experiments.tracker_sections import AnyTracker, GaussianProcessTracker
 
 SOLVERS = {
@@ -323,6 +324,7 @@ class Configuration(Section):
     vehicle: FossenVehicle | ProblemVehicle = Field(
         default_factory=lambda: FossenVehicle(kind="fossen"), discriminator="kind", description="The vehicle."
     )
+    replay: Replay = Field(default_factory=Replay, description="Recorded bearings replayed.")
 
     @property
     def problem_object(self) -> TrackingProblem:

@@ -47,6 +47,7 @@ def _covariance(value: tuple[tuple[float, ...], ...], info: ValidationInfo) -> t
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 PositiveNumbers = Annotated[tuple[Positive, ...], BeforeValidator(as_tuples), Field(min_length=1)]
+NotNegativeNumbers = Annotated[tuple[NotNegative, ...], BeforeValidator(as_tuples)]
 Numbers = Annotated[tuple[float, ...], BeforeValidator(as_tuples)]
 PositionNumbers = Annotated[Numbers, sized("d")]
 InputNumbers = Annotated[Numbers, sized("n")]
