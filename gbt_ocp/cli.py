@@ -423,7 +423,7 @@ def _list(arguments: argparse.Namespace) -> int:
     for number, (title, entries) in enumerate(sections.items()):
         print(f"{'' if number == 0 else chr(10)}{title}")
         for name, description in entries.items():
-            print(f"  {name:<16}{description}")
+            print(f"  {name:<18}{description}")
     return DONE
 
 
