@@ -204,8 +204,9 @@ def test_e11_the_vehicle_follows_the_flat_output_or_its_dynamics_within_the_limi
     planned = start[0] + period * start[1] + 0.5 * period**2 * top[0]
 
     exact = Mover(FALCON, period, "exact").follow(plan)
-    np.testing.assert_allclose(exact.flat, [planned, start[1] + period * top[0]], rtol=1e-12)
-    assert bool(exact.thrust_peak.max() <= 1.0) is within
+    assert exact.clipped is not within
+    if within:
+        np.testing.assert_allclose(exact.flat, [planned, start[1] + period * top[0]], rtol=1e-12)
 
     moved = Mover(FALCON, period, "dynamics").follow(plan)
     thrust, limit = flat_inputs(FALCON), FALCON.thrust_max
@@ -216,9 +217,11 @@ def test_e11_the_vehicle_follows_the_flat_output_or_its_dynamics_within_the_limi
 
     end = solve_ivp(rates, (0.0, period), FALCON.state(*start), rtol=1e-10, atol=1e-12).y[:, -1]
     np.testing.assert_allclose(moved.state, end, atol=1e-4)  # the corner of the clipped thrust lies between samples
+    if not within:  # what no thrust within the limits can follow is not followed exactly either
+        np.testing.assert_allclose(exact.state, end, atol=1e-4)
     # The difference between the two is what the limits take away.
     assert bool(np.abs(moved.flat[0] - planned).max() < 1e-5) is within
-    assert moved.thrust_peak.max() <= 1.0
+    assert max(moved.thrust_peak.max(), exact.thrust_peak.max()) <= 1.0
 
 
 def test_e12_the_root_of_the_covariance_is_the_symmetric_one_and_survives_round_off():

@@ -262,6 +262,9 @@ def test_crossing_begins_again_when_the_range_is_lost():
         def restart(self):
             self.restarts += 1
 
+        def remember(self, time, flat, forecast):
+            pass
+
         def decide(self, time, flat, forecast):
             return "plan"
 

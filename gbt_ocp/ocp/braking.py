@@ -43,11 +43,21 @@ class BrakingPlanner:
     within thrust limits there) to stopping within the piece, and improves the best of them by a pattern search: fast
     turns couple the axes, and then no mixture of drifting and stopping may keep the limits. Better is what breaks the
     limits less on the fine grid, and among those that keep them what ends slower.
+
+    Parameters
+    ----------
+    problem
+        Whose limits and pieces.
+    check
+        Of all limits.
+    certain
+        Of those that come first, none of which may be given up for the others; it is asked without parameters.
     """
 
-    def __init__(self, problem: TrajectoryProblem, check: Check) -> None:
+    def __init__(self, problem: TrajectoryProblem, check: Check, certain: Check | None = None) -> None:
         self._problem = problem
         self._check = check
+        self._certain = certain
         size = problem.vehicle.flat_dimension
         z, dz = ca.SX.sym("z", size), ca.SX.sym("dz", size)
         self._drift = ca.Function("drift", [z, dz], [drift(problem.vehicle, z, dz)])
@@ -70,13 +80,14 @@ class BrakingPlanner:
             lag = problem.period ** (problem.degree - 2)
             drift, stop = (drift - knot[2]) / lag, (stop - knot[2]) / lag
         drift = np.where(np.isfinite(drift), drift, 0.0)
-        best, best_key = drift, (np.inf, np.inf)
+        best, best_key = drift, (np.inf, np.inf, np.inf)
 
         def improve(candidate: Array) -> bool:
             nonlocal best, best_key
             trial = FlatTrajectory(problem.period, knot, candidate[None])
             broken = max(float(self._check(trial, limits)[0]), 0.0)
-            key = (broken, float(np.sum((trial.knots[1, 1] / problem.vehicle.acceleration_scale) ** 2)))
+            first = 0.0 if self._certain is None else max(float(self._certain(trial)[0]), 0.0)
+            key = (first, broken, float(np.sum((trial.knots[1, 1] / problem.vehicle.acceleration_scale) ** 2)))
             if not key < best_key:
                 return False
             best, best_key = candidate, key

@@ -81,7 +81,9 @@ class Planner:
         self._scale = input_scale(problem)
         self._binding = Binding(problem)
         self._check = solver.check if isinstance(solver, ChecksLimits) else LimitCheck(problem)
-        self._braking = BrakingPlanner(problem, self._check)
+        # what is only believed of the target is no reason to break what the vehicle surely has to keep
+        certain = None if self._relaxed is None else LimitCheck(problem.certain)
+        self._braking = BrakingPlanner(problem, self._check, certain)
         self._objectives = [objective_total(problem, term) for term in problem.objectives]
         self._previous: FlatTrajectory | None = None
 

@@ -128,6 +128,15 @@ class TrajectoryProblem:
         return replace(self, hard=kept, penalties=(*self.penalties, *softened))
 
     @property
+    def certain(self) -> TrajectoryProblem:
+        """The same problem without the limits on what is only believed."""
+        return replace(
+            self,
+            hard=tuple(limit for limit in self.hard if not isinstance(limit.constraint, MovingConstraint)),
+            penalties=tuple(limit for limit in self.penalties if not isinstance(limit.constraint, MovingConstraint)),
+        )
+
+    @property
     def relaxed_order(self) -> tuple[int, ...]:
         """Where each constraint of :attr:`relaxed` stands among :attr:`constraints`."""
         moving = [isinstance(limit.constraint, MovingConstraint) for limit in self.hard]
