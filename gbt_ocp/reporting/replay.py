@@ -85,12 +85,12 @@ def _track(found: Replayed) -> Figure:
     points = [log.own[:, :2]] + ([log.truth[:, :2]] if log.truth is not None else [])
     for track, (colour, line) in zip(found.tracks, _LOOKS, strict=False):
         axes.plot(*track.mean[begin:, :2].T, color=colour, linestyle=line, linewidth=1.0, label=track.name)
-        points.append(track.mean[begin:, :2])
+        if track is found.tracks[0]:  # a baseline that leaves does not squeeze the others to a dot
+            points.append(track.mean[begin:, :2])
     first = found.tracks[0]
     for k in np.linspace(begin, len(log.times) - 1, ELLIPSES).astype(int):
         _ellipse(axes, first, int(k), _LOOKS[0][0])
     inside = np.concatenate([values[np.isfinite(values).all(axis=1)] for values in points])
-    # a track that leaves does not squeeze the others to a dot
     low, high = np.quantile(inside, 0.01, axis=0), np.quantile(inside, 0.99, axis=0)
     margin = 0.12 * max(float(np.max(high - low)), 1.0)
     axes.set_xlim(low[0] - margin, high[0] + margin)
