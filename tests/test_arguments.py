@@ -62,7 +62,7 @@ def test_a_shell_completes_subcommands_options_configurations_and_files(shell, t
     script = tmp_path / "script"
     script.write_text(capsys.readouterr().out)
     (tmp_path / "mine.yaml").touch()
-    assert {"run", "reproduce", "report"} == set(completed(shell, script, "gbt-ocp r")) - {"r"}
+    assert {"run", "replay", "reproduce", "report"} == set(completed(shell, script, "gbt-ocp r")) - {"r"}
     assert "--no-figures" in completed(shell, script, "gbt-ocp run --no")
     assert completed(shell, script, "gbt-ocp run case")[:6] == [f"case{number}" for number in range(1, 7)]
     assert "mine.yaml" in completed(shell, script, "gbt-ocp run mi")

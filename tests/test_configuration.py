@@ -353,6 +353,14 @@ def test_one_line_runs_with_the_defaults_of_the_design(tmp_path):
             "start": {"position_m": None, "range_m": None, "box_m": 5.0, "yaw_deg": 0.0},
             "follow": "exact",
         },
+        "replay": {
+            "bearing_from": None,
+            "latency_s": 0.0,
+            "ahead_s": 10.0,
+            "score_from_s": 30.0,
+            "constant_range_m": [],
+            "trackers": {},
+        },
     }
     assert load_config(file).to_mapping() == expected
     file.write_text("# nothing is written\n")
