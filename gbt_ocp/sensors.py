@@ -28,6 +28,8 @@ class BearingSensor:
         Size in radians of a sporadic rotation in a random direction.
     outlier_every
         Time between outliers in seconds; the first comes after one such time.
+    latency
+        Time in seconds from a measurement to its arrival at the tracker.
     """
 
     period: float
@@ -35,6 +37,7 @@ class BearingSensor:
     missed_probability: float = 0.0
     outlier: float = 0.0
     outlier_every: float = 10.0
+    latency: float = 0.0
 
     def measure(self, step: int, target: ArrayLike, own: ArrayLike, rng: np.random.Generator) -> Array | None:
         """Bearing ``(d,)`` at the step, or ``None`` where it is missed or undefined (target at the vehicle).

@@ -197,6 +197,7 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
     seen: deque[Array] = deque(maxlen=loop.window)
     tightened = refused = held = clipped = 0
     usable: Forecast | None = None
+    underway: deque[tuple[float, Array, Array, Array]] = deque()
     for k in range(step_count(duration, period)):
         t = k * period
         times = np.asarray(t + loop.forecast_period * np.arange(loop.forecast + 1), dtype=float)
@@ -206,10 +207,17 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
         position = _measured_position(loop, truth[0])
 
         began = perf_counter()
-        if bearing is not None and not _taken(loop.tracker, t, bearing, own, position):
-            bearing, refused = None, refused + 1
+        latest: Array | None = None
         if bearing is not None:
-            seen.append(bearing)
+            underway.append((t, bearing, own, position))
+        while underway and underway[0][0] <= t - loop.sensor.latency + 1e-9:
+            measured, arrived, there, whole = underway.popleft()
+            if _taken(loop.tracker, measured, arrived, there, whole):
+                seen.append(arrived)
+                latest = arrived
+            else:
+                refused += 1
+                bearing = None if measured == t else bearing
         forecast = loop.tracker.predict(times)
         tracker_time = perf_counter() - began
 
@@ -217,7 +225,7 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
         held += not finite
         usable = forecast if finite else _held(usable, own, len(times))
         if isinstance(loop.guidance, BearingGuidance):
-            loop.guidance.see(bearing)
+            loop.guidance.see(latest)
         decision = loop.guidance.decide(t, flat, usable)
         if isinstance(decision, Plan):
             move = mover.follow(decision)

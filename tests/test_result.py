@@ -83,6 +83,9 @@ def test_summary_is_what_comes_out_on_paper():
         "distance_max_after_10s": None,
         "similarity_second_half": -0.2,
         "similarity_mean_second_half": (1.0 + 0.5 - 0.2) / 3,
+        # the covariance is zero
+        "range_std_over_range_final": 0.0,
+        "range_observable_from_s": 0.0,
         "violation_max": 0.03,
         "objective_mean": (1.0 + 2.0 + 3.0 + 6.0) / 4,
         "solver_success_rate": 0.75,

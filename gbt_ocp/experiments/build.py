@@ -134,6 +134,7 @@ def build_sensor(configuration: Configuration) -> BearingSensor:
         section.missed_probability,
         math.radians(section.outlier_deg),
         section.outlier_every_s,
+        section.latency_s,
     )
 
 

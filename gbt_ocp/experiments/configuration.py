@@ -142,6 +142,9 @@ class Sensor(Section):
     missed_probability: float = key(0.0, "Probability that a bearing is missed.", "a number in [0, 1)", ge=0.0, lt=1.0)
     outlier_deg: float = key(0.0, "Size of a sporadic outlier in degrees.", "a number >= 0", ge=0.0)
     outlier_every_s: float = key(10.0, "Time between outliers in s.", "a number > 0", gt=0.0)
+    latency_s: float = key(
+        0.0, "Time in s from a measurement to its arrival at the tracker, which knows both.", "a number >= 0", ge=0.0
+    )
 
 
 class Planner(Section):

@@ -22,7 +22,7 @@ from gbt_ocp.experiments.loading import load_config
 from gbt_ocp.experiments.replay_log import BearingLog, read_log
 from gbt_ocp.experiments.replay_scores import scores
 from gbt_ocp.experiments.result import installed_versions
-from gbt_ocp.tracking.protocol import PositionTracker, Tracker
+from gbt_ocp.tracking.protocol import PositionTracker, Tracker, relative_range_std
 
 Array = NDArray[np.float64]
 
@@ -61,11 +61,7 @@ class ReplayedTrack:
 
     def range_std_over_range(self, own: Array) -> Array:
         """Posterior deviation of the range over the range, seen from ``own`` ``(K, d)``: ``(K,)``."""
-        line = self.mean - own
-        distance = np.maximum(np.linalg.norm(line, axis=1), 1e-9)
-        unit = line / distance[:, None]
-        variance = np.einsum("ki,kij,kj->k", unit, self.covariance, unit)
-        return np.asarray(np.sqrt(np.maximum(variance, 0.0)) / distance)
+        return relative_range_std(self.mean, self.covariance, own)
 
 
 @dataclass(frozen=True)

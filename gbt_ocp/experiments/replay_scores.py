@@ -9,14 +9,12 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from gbt_ocp.experiments.replay_log import BearingLog
+from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, relative_range_std
 
 Array = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 """Of the ellipse whose coverage is counted."""
-
-OBSERVABLE = 0.25
-"""Deviation of the range over the range below which range counts as observable."""
 
 
 def scores(
@@ -60,10 +58,9 @@ def scores(
     found: dict[str, Any] = {"scored": int(np.sum(scored))}
     line = mean - log.own
     distance = np.maximum(np.linalg.norm(line, axis=1), 1e-9)
-    unit = line / distance[:, None]
-    relative = np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", unit, covariance, unit), 0.0)) / distance
+    relative = relative_range_std(mean, covariance, log.own)
     found["range_std_over_range_median"] = _of(np.median, relative[scored])
-    found["observable_share"] = _of(np.mean, (relative < OBSERVABLE)[scored & np.isfinite(relative)])
+    found["observable_share"] = _of(np.mean, (relative < RANGE_OBSERVABLE)[scored & np.isfinite(relative)])
     if log.truth is not None:
         true_range = np.linalg.norm(log.truth - log.own, axis=1)
         found |= _errors("", mean, covariance, log.truth, true_range, scored)

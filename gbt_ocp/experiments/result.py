@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from gbt_ocp.experiments import run_folder
 from gbt_ocp.experiments.track_summary import track_numbers
+from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, relative_range_std
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -183,6 +184,18 @@ class History:
         return np.asarray(np.where(known, norms, np.nan).mean(axis=1))
 
     @property
+    def range_std_over_range(self) -> Array:
+        """Posterior deviation of the range at t_k over the range to the estimate, ``(K,)``; NaN where Σ is unknown."""
+        return relative_range_std(
+            self.forecast_mean[:, 0], self.forecast_cov[:, 0], self.vehicle_pose[:, : self.dimension]
+        )
+
+    @property
+    def range_observable(self) -> NDArray[np.bool_]:
+        """Steps at which the range is known to a quarter, ``(K,)``: before, an estimate repeats its prior."""
+        return np.asarray(self.range_std_over_range < RANGE_OBSERVABLE)
+
+    @property
     def planned(self) -> NDArray[np.bool_]:
         """Steps at which a solver was asked, ``(K,)``."""
         return np.asarray(self.solver_status != "")
@@ -262,8 +275,9 @@ def summarise(
     settling time) and for what is not finite. Errors are the mean over T_k per step: ``error_mean``, ``error_median``,
     ``error_rms`` are over all steps, ``error_settled`` and ``error_settled_max`` over t_k >= settling, ``error_final``
     is the last step's. Distances are ‖P_A - P_T‖ at t_k. ``steps`` counts the sampling periods, K - 1. Similarities are
-    of desired and true bearing, over the second half of the run. ``steps_over_period`` counts the steps in which
-    tracker and solver together took longer than T. To these come the numbers of
+    of desired and true bearing, over the second half of the run. ``range_observable_from_s`` is the time from which on
+    the range is known to a quarter until the end. ``steps_over_period`` counts the steps in which tracker and solver
+    together took longer than T. To these come the numbers of
     :func:`gbt_ocp.experiments.track_summary.track_numbers`, as far as they are defined.
 
     Raises
@@ -303,6 +317,8 @@ def summarise(
         "distance_max_after_10s": _of(np.max, distance[t >= 10.0 - slack]),
         "similarity_second_half": _of(np.min, similarity[second_half]),
         "similarity_mean_second_half": _of(np.mean, similarity[second_half]),
+        "range_std_over_range_final": history.range_std_over_range[-1],
+        "range_observable_from_s": _of(np.min, t[_for_good(history.range_observable)]),
         "violation_max": np.maximum(0.0, executed.max() - 1.0) if executed.size else None,
         "objective_mean": _of(np.mean, history.objective[planned]),
         "solver_success_rate": _of(np.mean, first_try[planned]),
@@ -481,6 +497,11 @@ def _canonical(name: str, array: Any) -> NDArray[Any]:
         return np.array(np.asarray(array).tolist(), dtype=np.str_)  # the narrowest width, whatever it was made with
     kind = {"detected": np.bool_, "solver_iterations": np.int64}.get(name, np.float64)
     return np.ascontiguousarray(array, dtype=kind)
+
+
+def _for_good(holds: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where something holds from there on to the end, ``(K,)``."""
+    return np.asarray(np.logical_and.accumulate(holds[::-1])[::-1])
 
 
 def _of(statistic: Any, values: NDArray[Any]) -> Any:

@@ -17,7 +17,7 @@ from gbt_ocp.bearings import tangent_basis
 from gbt_ocp.tracking.bearing_noise import BearingNoise
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
 from gbt_ocp.tracking.motion_shape import Motions, MotionShape
-from gbt_ocp.tracking.protocol import Forecast
+from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, relative_range_std
 from gbt_ocp.tracking.shape_fit import Fit, Sightings, fit, sightings_root
 from gbt_ocp.tracking.shape_moments import Moments, moments_ahead, moments_behind
 from gbt_ocp.tracking.shape_processes import ShapePrior
@@ -335,16 +335,13 @@ class MotionShapeTracker:
         """Posterior standard deviation of the range now over the range; that of the prior before the first bearing."""
         if self._fit is None:
             return self._prior.range.log_std
-        forecast = self._moments_ahead(0.0)
-        mean, covariance = forecast.mean[0], forecast.covariance[0]
-        distance = float(np.linalg.norm(mean))
-        unit = mean / max(distance, 1e-9)
-        return float(np.sqrt(unit @ covariance @ unit) / max(distance, 1e-9))
+        now = self._moments_ahead(0.0)
+        return float(relative_range_std(now.mean[0], now.covariance[0], np.zeros(self.dimension)))
 
     @property
     def range_observable(self) -> bool:
         """Whether the range is known to a quarter; before, it is mostly the prior's."""
-        return self.range_std_over_range < 0.25
+        return self.range_std_over_range < RANGE_OBSERVABLE
 
     def _moments_ahead(self, horizon: float) -> Moments:
         assert self._fit is not None

@@ -20,8 +20,8 @@ from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
 from gbt_ocp.tracking.displacement_kernels import DISPLACEMENT_KERNELS
 from gbt_ocp.tracking.motion_fit import Anchor, Mixture, MotionFit, Node, Solution, grid
 from gbt_ocp.tracking.posterior import Hyperparameters
-from gbt_ocp.tracking.protocol import Forecast
-from gbt_ocp.tracking.range_hypotheses import Hypothesis, MotionPriors, range_hypotheses, relative_range_std
+from gbt_ocp.tracking.protocol import Forecast, relative_range_std
+from gbt_ocp.tracking.range_hypotheses import Hypothesis, MotionPriors, range_hypotheses
 from gbt_ocp.tracking.relinearised import BearingRows, linearised
 from gbt_ocp.tracking.window import Window
 
@@ -294,7 +294,8 @@ class NoisyGaussianProcessTracker:
     def _judge_range(self, samples: BinnedBearings) -> None:
         """Decide whether range is observable at the oldest sample, where the manoeuvres since have told most of it."""
         assert self._mixture is not None
-        self._relative_spread = relative_range_std(self._mixture.predict(samples.times[:1]), samples.own_positions[:1])
+        first = self._mixture.predict(samples.times[:1])
+        self._relative_spread = float(relative_range_std(first.mean[0], first.covariance[0], samples.own_positions[0]))
         if not self._observable and len(samples) >= FEWEST and self._relative_spread < OBSERVABLE:
             self._observable = True
             self._hypotheses = [Hypothesis(*self._here(samples)[1:], 0.0, self._mixture)]

@@ -50,6 +50,31 @@ class JointlyGaussian(Protocol):
         """Of the target's positions at the times ``(K,)`` in seconds."""
 
 
+RANGE_OBSERVABLE = 0.25
+"""Posterior deviation of the range over the range below which range counts as observable."""
+
+
+def relative_range_std(mean: Array, covariance: Array, own: Array) -> Array:
+    """Posterior deviation of the range over the range to the posterior mean: ``(...)``.
+
+    Parameters
+    ----------
+    mean, covariance
+        Of the position, ``(..., d)`` in metres and ``(..., d, d)`` in m².
+    own
+        Own positions ``(..., d)`` in metres.
+
+    Returns
+    -------
+    NaN where the covariance is unknown, infinity where the mean lies on the vehicle.
+    """
+    line = mean - own
+    distance = np.linalg.norm(line, axis=-1)
+    along = np.einsum("...i,...ij,...j->...", line, covariance, line)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(distance > 0.0, np.sqrt(np.maximum(along, 0.0)) / distance**2, np.inf))
+
+
 class Tracker(Protocol):
     """Estimates where the target is and will be, from bearings alone."""
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from gbt_ocp.tracking.bins import BinnedBearings
 from gbt_ocp.tracking.likelihood import LogNormal
 from gbt_ocp.tracking.motion_fit import Mixture
-from gbt_ocp.tracking.protocol import Forecast
 
 Array = NDArray[np.float64]
 
@@ -75,11 +74,3 @@ def range_hypotheses(samples: BinnedBearings, prior: LogNormal) -> list[Hypothes
         log_prior = -0.5 * (k * np.log(LADDER) / prior.spread) ** 2
         found.append(Hypothesis(samples.own_positions[0] + distance * line, covariance, float(log_prior)))
     return found
-
-
-def relative_range_std(forecast: Forecast, own_positions: Array) -> float:
-    """Standard deviation along the line of sight over the range, at the first time of a forecast."""
-    line = forecast.mean[0] - own_positions[0]
-    distance = max(float(np.linalg.norm(line)), 1e-9)
-    sight = line / distance
-    return float(np.sqrt(max(sight @ forecast.covariance[0] @ sight, 0.0))) / distance
