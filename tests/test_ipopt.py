@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import minimize
 
 from gbt_ocp.ocp import BearingSimilarity, RangePull, ThrustLimit, TrajectoryProblem
-from gbt_ocp.ocp.ipopt import IpoptSolver
+from gbt_ocp.ocp.ipopt import FILES, IpoptSolver, ipopt_function
 from gbt_ocp.ocp.transcription import Binding, transcribe
 from gbt_ocp.vehicles import FALCON_2D, FossenVehicle
 
@@ -101,3 +101,14 @@ def test_unknown_form_of_the_penalty_is_refused():
 def test_unknown_option_of_ipopt_is_refused_in_one_line():
     with pytest.raises(ValueError, match=r"^solver_options: No such IPOPT option: max_itre$"):
         IpoptSolver(penalised_problem(), {"max_itre": 5})
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_options_that_name_a_file_are_refused_and_exist(name, tmp_path):
+    x = ca.MX.sym("x")
+    path = tmp_path / "written"
+    with pytest.raises(ValueError, match=rf"solver_options\.{name}: found .*written.*; allowed: no option that names"):
+        ipopt_function({"x": x, "f": (x - 1.0) ** 2}, {name: str(path)})
+    assert not path.exists()
+    # the name is IPOPT's own: CasADi knows it
+    ca.nlpsol("known", "ipopt", {"x": x, "f": (x - 1.0) ** 2}, {"ipopt": {name: str(path)}})

@@ -30,6 +30,23 @@ DEFAULT_OPTIONS: dict[str, Any] = {
 PENALTY_FORMS = ("elastic", "printed")
 """How IPOPT is given a penalty: with its kinks as constraints (the same minimisers), or as the paper prints it."""
 
+FILES = ("output_file", "option_file_name", "hsllib", "pardisolib")
+"""Options of IPOPT that name a file to be written, read or loaded as code: none of them is a number of the problem."""
+
+
+def ipopt_options(options: Mapping[str, Any]) -> dict[str, Any]:
+    """:data:`DEFAULT_OPTIONS` with those of the user over them.
+
+    Raises
+    ------
+    ValueError
+        If an option names a file.
+    """
+    for name in FILES:
+        if name in options:
+            raise ValueError(f"solver_options.{name}: found {options[name]!r}; allowed: no option that names a file")
+    return DEFAULT_OPTIONS | dict(options)
+
 
 def ipopt_function(nlp: Mapping[str, ca.MX], options: Mapping[str, Any]) -> ca.Function:
     """IPOPT for a program in CasADi's form, with :data:`DEFAULT_OPTIONS` unless ``options`` say otherwise.
@@ -37,13 +54,13 @@ def ipopt_function(nlp: Mapping[str, ca.MX], options: Mapping[str, Any]) -> ca.F
     Raises
     ------
     ValueError
-        If an option is unknown to IPOPT.
+        If an option is unknown to IPOPT, or names a file.
     """
     settings: dict[str, Any] = {
         "expand": True,
         "print_time": False,
         "error_on_fail": False,
-        "ipopt": DEFAULT_OPTIONS | dict(options),
+        "ipopt": ipopt_options(options),
     }
     try:
         return ca.nlpsol("planner", "ipopt", dict(nlp), settings)

@@ -12,7 +12,7 @@ import casadi as ca
 
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError
 from gbt_ocp.ocp.codegen.folder import free_folder
-from gbt_ocp.ocp.ipopt import DEFAULT_OPTIONS, PENALTY_FORMS
+from gbt_ocp.ocp.ipopt import PENALTY_FORMS, ipopt_options
 from gbt_ocp.ocp.problem import TrajectoryProblem
 from gbt_ocp.ocp.transcription import transcribe
 
@@ -33,6 +33,8 @@ def write_ipopt_folder(problem: TrajectoryProblem, options: Mapping[str, Any], f
 
     Raises
     ------
+    ValueError
+        If an option names a file.
     NotGenerableError
         If CasADi cannot generate some part, which it says by writing ``#error`` into the source.
     FileExistsError
@@ -43,7 +45,7 @@ def write_ipopt_folder(problem: TrajectoryProblem, options: Mapping[str, Any], f
     own = dict(options)
     elastic = own.pop("penalty", PENALTY_FORMS[0]) == "elastic" and bool(problem.penalties)
     statement: Any = program.elastic_nlp if elastic else program.nlp
-    settings: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": DEFAULT_OPTIONS | own}
+    settings: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": ipopt_options(own)}
     generator = ca.CodeGenerator(f"{NAME}.c", {"with_header": True})
     generator.add(ca.nlpsol(NAME, "ipopt", statement, settings))
     target.parent.mkdir(parents=True, exist_ok=True)
