@@ -47,7 +47,7 @@ class FaultySensor:
 
     def __init__(self, sensor, kind, steps):
         self._sensor, self._kind, self._steps = sensor, kind, steps
-        self.period = sensor.period
+        self.period, self.latency = sensor.period, sensor.latency
         self._last = None
 
     def measure(self, step, target, own, rng):
