@@ -286,6 +286,7 @@ def test_one_line_runs_with_the_defaults_of_the_design(tmp_path):
             "missed_probability": 0.0,
             "outlier_deg": 0.0,
             "outlier_every_s": 10.0,
+            "latency_s": 0.0,
         },
         "tracker": {
             "kind": "gp",
