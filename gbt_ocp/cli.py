@@ -79,13 +79,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     configuration = load_config(arguments.config, overrides=arguments.set, seed=arguments.seed)
     out: Path | None = arguments.out
-    if out is not None and out.exists() and not (out.is_dir() and not any(out.iterdir())):
-        raise ConfigurationError([f"--out: found {out}, which is not an empty folder; allowed: a new or empty folder"])
-    above = next(one for one in (out or Path("runs")).absolute().parents if one.exists())
-    if not (above.is_dir() and os.access(above, os.W_OK)):
-        raise ConfigurationError(
-            [f"--out: found {out or 'runs'}, which cannot be written below {above}; allowed: a writable folder"]
-        )
+    _refuse_unwritable(out)
 
     # CasADi and SciPy take a second to import, which faults, `schema` and `list` need not wait for.
     from gbt_ocp.experiments.run import run
@@ -101,6 +95,17 @@ def _run(arguments: argparse.Namespace) -> int:
     if not drawn:
         return PROGRAM_FAULT
     return DONE if kept else LIMIT_BROKEN
+
+
+def _refuse_unwritable(out: Path | None) -> None:
+    """Find out before anything runs that a folder cannot be written; ``None`` is one in ``runs/``."""
+    if out is not None and out.exists() and not (out.is_dir() and not any(out.iterdir())):
+        raise ConfigurationError([f"--out: found {out}, which is not an empty folder; allowed: a new or empty folder"])
+    above = next(one for one in (out or Path("runs")).absolute().parents if one.exists())
+    if not (above.is_dir() and os.access(above, os.W_OK)):
+        raise ConfigurationError(
+            [f"--out: found {out or 'runs'}, which cannot be written below {above}; allowed: a writable folder"]
+        )
 
 
 def _save_somewhere(result: Result, out: Path, *, figures: bool) -> tuple[Path, bool]:
@@ -376,8 +381,7 @@ def _replay(arguments: argparse.Namespace) -> int:
     from gbt_ocp.reporting.replay import score_table
 
     out: Path | None = arguments.out
-    if out is not None and out.exists() and not (out.is_dir() and not any(out.iterdir())):
-        raise ConfigurationError([f"--out: found {out}, which is not an empty folder; allowed: a new or empty folder"])
+    _refuse_unwritable(out)
     with tqdm(disable=arguments.quiet, file=sys.stderr, unit="bearing") as bar:
 
         def after(name: str, done: int, total: int) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -71,13 +70,7 @@ class Planner:
             for number, constraint in enumerate(problem.constraints)
             if problem.judged[number] and first_free_node(problem, constraint) == 1
         ]
-        self._thrust_check = LimitCheck(
-            replace(
-                problem,
-                hard=tuple(limit for limit in problem.hard if _of_thrust(problem, limit.constraint)),
-                penalties=tuple(limit for limit in problem.penalties if _of_thrust(problem, limit.constraint)),
-            )
-        )
+        self._thrust_check = LimitCheck(problem.limited_to(lambda constraint: _of_thrust(problem, constraint)))
         self._scale = input_scale(problem)
         self._binding = Binding(problem)
         self._check = solver.check if isinstance(solver, ChecksLimits) else LimitCheck(problem)

@@ -8,7 +8,7 @@ planner = problem.compile()
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -127,14 +127,18 @@ class TrajectoryProblem:
         softened = tuple(PenaltyLimit(limit.constraint, limit.nodes, 100.0, 0.01) for limit in believed)
         return replace(self, hard=kept, penalties=(*self.penalties, *softened))
 
+    def limited_to(self, keep: Callable[[Constraint], bool]) -> TrajectoryProblem:
+        """The same problem with those of its limits whose constraints are to be kept, hard and penalised."""
+        return replace(
+            self,
+            hard=tuple(limit for limit in self.hard if keep(limit.constraint)),
+            penalties=tuple(limit for limit in self.penalties if keep(limit.constraint)),
+        )
+
     @property
     def certain(self) -> TrajectoryProblem:
         """The same problem without the limits on what is only believed."""
-        return replace(
-            self,
-            hard=tuple(limit for limit in self.hard if not isinstance(limit.constraint, MovingConstraint)),
-            penalties=tuple(limit for limit in self.penalties if not isinstance(limit.constraint, MovingConstraint)),
-        )
+        return self.limited_to(lambda constraint: not isinstance(constraint, MovingConstraint))
 
     @property
     def relaxed_order(self) -> tuple[int, ...]:

@@ -190,11 +190,7 @@ class ImmExtendedTracker(ImmTracker):
             If numbers are not finite, the bearing is no unit vector, or time does not increase.
         """
         g, own = checked_sample(time, bearing, own_position, self._time)
-        if self._time is None:
-            self.models.begin(*self._guess.position(g, own, self._deviation))
-        else:
-            self.models.advance(float(time) - self._time)
-        self._time = float(time)
+        self._advance(time, lambda: self._guess.position(g, own, self._deviation))
         means = self.models.means
         observation, innovation = linearised(means[:, : len(own)], own, g, means.shape[1])
         value = (observation @ means[..., None])[..., 0] + innovation

@@ -7,6 +7,8 @@ reconstruction. All of them share the state [p, v, a].
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -163,6 +165,14 @@ class ImmTracker:
         self._prior = prior
         self._time: float | None = None
 
+    def _advance(self, time: float, begin: Callable[[], tuple[Array, Array]]) -> None:
+        """Bring the models to a measurement's time; ``begin`` gives mean and covariance of the first one's position."""
+        if self._time is None:
+            self.models.begin(*begin())
+        else:
+            self.models.advance(float(time) - self._time)
+        self._time = float(time)
+
     def predict(self, times: ArrayLike) -> Forecast:
         """Position and its covariance at the times ``(K,)`` in seconds, of the models without further measurements."""
         t = np.asarray(times, dtype=float)
@@ -202,11 +212,7 @@ class ImmPseudoLinearTracker(ImmTracker):
             If numbers are not finite, the bearing is no unit vector, or time does not increase.
         """
         g, own = checked_sample(time, bearing, own_position, self._time)
-        if self._time is None:
-            self.models.begin(*self._prior.gaussian(g, own, self._initial_variance))
-        else:
-            self.models.advance(float(time) - self._time)
-        self._time = float(time)
+        self._advance(time, lambda: self._prior.gaussian(g, own, self._initial_variance))
         observation, value = pseudo_linear(g, own, self.models.means.shape[1])
         self.models.correct(observation, pseudo_noise(self.models.means[:, : len(own)], own, self._deviation), value)
 
@@ -245,11 +251,8 @@ class ImmPositionTracker(ImmTracker):
             raise ValueError(f"time must increase, found {time} after {self._time}")
         d = len(value)
         noise = self.position_std**2 * np.eye(d)
-        if self._time is None:
-            known = self._prior.mean is not None and self._prior.covariance is not None
-            self.models.begin(*((self._prior.mean, self._prior.covariance) if known else (value, noise)))
-        else:
-            self.models.advance(float(time) - self._time)
-        self._time = float(time)
+        mean, covariance = self._prior.mean, self._prior.covariance
+        known = (value, noise) if mean is None or covariance is None else (mean, covariance)
+        self._advance(time, lambda: known)
         observation = np.eye(d, self.models.means.shape[1])
         self.models.correct(observation, np.tile(noise, (len(MODES), 1, 1)), value)
