@@ -184,6 +184,7 @@ def _add_comparison(compare: argparse.ArgumentParser) -> None:
     compare.add_argument(
         "--problems", metavar="N", type=_count, default=200, help="recorded problems of each CONFIG (default: 200)"
     )
+    compare.add_argument("--full", action="store_true", help="slow pairs get all problems and seeds too (hours)")
     _add_set(compare, "replace single keys")
     _add_out(compare, "a new or empty folder, or one to go on with")
     compare.add_argument("--jobs", metavar="J", type=_count, help="processes (default: one a core)")

@@ -185,6 +185,7 @@ def _compare(arguments: argparse.Namespace) -> int:
             **{name: names for name, names in chosen.items() if names is not None},
             runs=arguments.runs,
             problems=arguments.problems,
+            full=arguments.full,
             overrides=arguments.set,
             out=arguments.out,
             jobs=arguments.jobs,

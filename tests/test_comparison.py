@@ -129,10 +129,10 @@ def comparable(folder):
 
 
 def test_an_interrupted_comparison_goes_on_where_it_stopped(few, tmp_path, monkeypatch):
-    def asked(name):
+    def asked(name, **more):
         return gbt.compare(
             "case2", formulations=["hard"], solvers=["ipopt"], runs=2, problems=4,
-            overrides=["duration_s=0.8", "planner.pieces=2"], out=tmp_path / name, jobs=1,
+            overrides=["duration_s=0.8", "planner.pieces=2"], out=tmp_path / name, jobs=1, **more,
         )  # fmt: skip
 
     done = asked("whole")
@@ -156,6 +156,36 @@ def test_an_interrupted_comparison_goes_on_where_it_stopped(few, tmp_path, monke
     carried.clear()
     asked("again")
     assert carried == []
+    # the compiled solver steers for hard limits unless all of the work is asked for; what is there is kept then
+    assert asked("again", full=True).tables["closed_loop"][0]["runs"] == 2
+    assert carried == ["loop-case2-hard-ipopt-0.csv", "loop-case2-hard-ipopt-1.csv"]
+    with pytest.raises(gbt.ConfigurationError, match="holds another comparison"):
+        asked("again")
+
+
+def test_slow_pairs_get_a_share_of_the_work_unless_all_is_asked_for():
+    configurations = load_config("case2"), load_config("case3")
+    pairs = treatments.chosen_pairs(treatments.FORMULATIONS, treatments.SOLVERS)
+    some, full = (plan.Plan(configurations, tuple(pairs), 10, 200, full=full) for full in (False, True))
+
+    def work(of):
+        seeds, problems = {}, {}
+        for task in plan.measurements(of, [250, 250]):
+            if task.kind == "loop":
+                seeds[task.pair.name] = seeds.get(task.pair.name, 0) + 1
+            if task.kind == "solve":
+                problems[task.pair.name] = problems.get(task.pair.name, 0) + len(task.argument[1])
+        return seeds, problems
+
+    seeds, problems = work(full)
+    assert seeds == {pair.name: 2 * 10 for pair in pairs}
+    assert problems == {pair.name: 2 * 2 * 250 for pair in pairs}  # cold and warm; those without a plan are left out
+    seeds, problems = work(some)
+    compiled = {pair.name for pair in pairs if pair.solver == COMPILED}
+    assert {name for name, count in seeds.items() if count == 20} == compiled
+    assert {name for name, count in problems.items() if count == 1000} == compiled
+    assert seeds["penalty, ipopt"] == 2
+    assert problems["penalty, ipopt"] == 300
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends a signal")
@@ -243,6 +273,7 @@ def test_random_problems_depend_on_the_seed_alone():
     assert np.all(np.linalg.eigvalsh(first.covariance) > 0.0)
     other = draw(configuration.model_copy(update={"seed": 1}), 5)
     assert not np.array_equal(first.start, other.start)
+    assert not np.array_equal(first.start, draw(load_config("case6", ["planner.pieces=3"]), 5).start)
     assert all(first[k].previous is None for k in range(5))
 
 

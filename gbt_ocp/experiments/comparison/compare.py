@@ -7,7 +7,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +65,7 @@ def compare(
     solvers: Iterable[str] = SOLVERS,
     runs: int = 10,
     problems: int = 200,
+    full: bool = False,
     overrides: Iterable[str] = (),
     out: str | os.PathLike[str] | None = None,
     jobs: int | None = None,
@@ -85,6 +86,9 @@ def compare(
         Runs that problems are recorded in, and seeds in closed loop (slow pairs get fewer).
     problems
         Recorded problems of each configuration, at least; a quarter as many are drawn at random beside them.
+    full
+        Give slow pairs all problems and all seeds too: the whole takes hours instead of minutes. A comparison without
+        it is completed when it is given again with it.
     overrides
         ``key.path=value`` strings for all configurations that are not loaded yet.
     out
@@ -102,7 +106,7 @@ def compare(
     ComparisonInterruptedError
         If Ctrl-C was pressed.
     """
-    plan = _planned(configurations, formulations, solvers, runs, problems, list(overrides))
+    plan = _planned(configurations, formulations, solvers, runs, problems, full, list(overrides))
     folder = _folder(plan, out)
     with _progress(progress) as bar:
         first = recordings(plan)
@@ -131,6 +135,7 @@ def _planned(
     solvers: Iterable[str],
     runs: int,
     problems: int,
+    full: bool,
     overrides: list[str],
 ) -> Plan:
     several = sources if isinstance(sources, Sequence) and not isinstance(sources, str) else [sources]
@@ -157,7 +162,7 @@ def _planned(
         faults.append("--solvers: found compiled, but no C compiler; allowed: ipopt")
     if faults:
         raise ConfigurationError(faults)
-    return Plan(tuple(one.model_copy(update={"seed": 0}) for one in loaded), tuple(pairs), runs, problems)
+    return Plan(tuple(one.model_copy(update={"seed": 0}) for one in loaded), tuple(pairs), runs, problems, full)
 
 
 def _folder(plan: Plan, out: str | os.PathLike[str] | None) -> Path:
@@ -167,7 +172,7 @@ def _folder(plan: Plan, out: str | os.PathLike[str] | None) -> Path:
         known = (folder / PLAN).read_text(encoding="utf-8") if (folder / PLAN).is_file() else None
         if known is None and folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
             found = f"{folder}, which is not an empty folder"
-        elif known is not None and known != plan.to_json():
+        elif known is not None and known not in (plan.to_json(), replace(plan, full=False).to_json()):
             found = f"{folder}, which holds another comparison"
         else:
             for inner in (folder, folder / PARTS, folder / PROBLEMS):

@@ -40,12 +40,15 @@ class Plan:
         Seeds in closed loop, and runs that problems are recorded in.
     problems
         Recorded problems of each experiment, at least.
+    full
+        Whether slow pairs get all of the work too, which takes hours instead of minutes.
     """
 
     configurations: tuple[Configuration, ...]
     pairs: tuple[Pair, ...]
     runs: int
     problems: int
+    full: bool = False
 
     def to_json(self) -> str:
         """The plan as it stands in the folder; equal plans are equal texts."""
@@ -55,6 +58,7 @@ class Plan:
                     "format": FORMAT,
                     "runs": self.runs,
                     "problems": self.problems,
+                    "full": self.full,
                     "pairs": [[pair.formulation, pair.solver] for pair in self.pairs],
                     "configurations": [configuration.to_mapping() for configuration in self.configurations],
                 },
@@ -76,15 +80,14 @@ class Plan:
 
     def seeds(self, pair: Pair, case: int) -> int:
         """Seeds that a pair gets in closed loop of an experiment."""
-        share = share_of(pair)
+        share = self.share(pair)
         if share.seeds == 0.0 or (case > 0 and not share.everywhere):
             return 0
         return max(1, round(self.runs * share.seeds))
 
-
-def share_of(pair: Pair) -> Share:
-    """Which share of the work a pair gets."""
-    return FORMULATIONS[pair.formulation].shares.get(pair.solver, Share())
+    def share(self, pair: Pair) -> Share:
+        """Which share of the work a pair gets."""
+        return Share() if self.full else FORMULATIONS[pair.formulation].shares.get(pair.solver, Share())
 
 
 def chunks(size: int, share: float = 1.0) -> Iterator[tuple[int, list[int]]]:
@@ -158,7 +161,7 @@ def _solves(plan: Plan, sizes: Sequence[int]) -> Iterator[Task]:
     for case, configuration in enumerate(plan.configurations):
         for pair in plan.pairs:
             for mode in MODES:
-                for number, chunk in chunks(sizes[case], share_of(pair).problems):
+                for number, chunk in chunks(sizes[case], plan.share(pair).problems):
                     name = f"solve-{configuration.name}-{pair.formulation}-{pair.solver}-{mode}-{number}.csv"
                     yield Task("solve", name, case, pair, (mode, chunk))
 

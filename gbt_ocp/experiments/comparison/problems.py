@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -194,8 +195,9 @@ def draw(configuration: Configuration, count: int) -> Problems:
     """Problems drawn at random: a moving vehicle in the box of the starts, a target that is known to a few decimetres.
 
     The speed of each axis is normal with 1 m/s (0.5 rad/s of what is not a position), the forecast moves straight.
+    Every configuration has problems of its own: its name is part of the seed.
     """
-    rng = np.random.default_rng(configuration.seed)
+    rng = np.random.default_rng([configuration.seed, crc32(configuration.name.encode())])
     vehicle = build.build_vehicle(configuration)
     desired = build_desired_bearing(configuration, vehicle)
     problem = build.build_problem(configuration, vehicle)
