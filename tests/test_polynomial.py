@@ -93,6 +93,8 @@ def test_it_begins_with_what_is_known_and_takes_on_orders_as_bearings_come():
     # on the bearing, as near to the prior as can be
     np.testing.assert_allclose(tracker.predict([0.0, 1.0]).mean, [[1.0, 5.0]] * 2, atol=1e-6)
     tracker.update(0.1, [0.0, 1.0], [4.0, 0.0])
+    # a target that moves is not where two bearings cross, (4, 5), but still somewhere on the latest
+    np.testing.assert_allclose(tracker.predict([0.0, 1.0]).mean, [[4.0, 2.0]] * 2, atol=1e-6)
     tracker.update(0.2, [0.6, 0.8], [4.0, 5.0])
     flat = tracker.predict([0.0, 1.0]).mean
     np.testing.assert_allclose(flat[0], flat[1])
@@ -100,6 +102,10 @@ def test_it_begins_with_what_is_known_and_takes_on_orders_as_bearings_come():
     moving = tracker.predict([0.0, 1.0, 2.0]).mean
     assert np.abs(moving[1] - moving[0]).max() > 1e-3
     np.testing.assert_allclose(moving[2] - moving[1], moving[1] - moving[0], atol=1e-9)
+    still = build(2, 0, [1.0, 2.0])
+    still.update(0.0, [1.0, 0.0], [0.0, 5.0])
+    still.update(0.1, [0.0, 1.0], [4.0, 0.0])
+    np.testing.assert_allclose(still.predict([0.0]).mean, [[4.0, 5.0]], atol=1e-6)  # order 0 believes in a fixed target
     unknown = build(2, 3)
     unknown.update(0.0, [0.6, 0.8], [1.0, 1.0])
     np.testing.assert_allclose(unknown.predict([0.0]).mean[0], [2.8, 3.4], atol=1e-6)

@@ -19,7 +19,9 @@ class PolynomialRegression:
     ``minimise Σ ‖Nᵀ (p(t_i) - o_i)‖² + ridge Σ ‖a_m‖²``. The time is scaled, s in [-1, 1] over the window, and T_m are
     Chebyshev's polynomials: the span of the powers, better conditioned. A window of N bearings has (d-1) N equations
     for d (order+1) unknowns; while they do not suffice the order is the largest for which they do, since a polynomial
-    that is not determined goes astray when it is extrapolated (a reconstruction: the paper does not say). The centre
+    that is not determined goes astray when it is extrapolated (a reconstruction: the paper does not say). Until a
+    straight line is determined the point on the latest bearing nearest to the centre stands in for it: the crossing of
+    two bearings that are nearly parallel says nothing about a target that moves. The centre
     is the prior position while the first bearing is in the window; afterwards, and where nothing is known, the point
     on the latest bearing at the prior's range. The spread of the prior is not used. There is no covariance.
 
@@ -77,8 +79,12 @@ class PolynomialRegression:
         d = rows.directions.shape[1]
         order = min(self._order, max(len(rows.times) // d - 1, 0))
         design = (self._basis(rows.times, order)[:, :, None] * rows.directions[:, None, :]).reshape(len(rows.times), -1)
+        measured = rows.relative_to(self._centre)
+        if order == 0 < self._order:
+            latest = rows.times == self.window.times[-1]
+            design, measured = design[latest], measured[latest]
         damping = np.sqrt(self._ridge) * np.eye(design.shape[1])
-        wanted = np.concatenate([rows.relative_to(self._centre), np.zeros(design.shape[1])])
+        wanted = np.concatenate([measured, np.zeros(design.shape[1])])
         self._coefficients = np.linalg.lstsq(np.vstack([design, damping]), wanted, rcond=None)[0].reshape(-1, d)
 
     def _basis(self, times: Array, order: int) -> Array:
