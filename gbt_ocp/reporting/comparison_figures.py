@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -106,7 +107,7 @@ def _distributions(
             axes.step(x, y, where="post", color=COLOURS[formulation], linestyle=LINES[solver])
         axes.set_xscale(scale, **options)
         if scale == "symlog":
-            axes.set_xticks([-0.1, 0.0, 1e-3, 1e-2, 1e-1, 1.0], ["-0.1", "0", "0.001", "0.01", "0.1", "1"])
+            axes.set_xticks([-0.1, 0.0, 1e-2, 1e-1, 1.0], ["-0.1", "0", "0.01", "0.1", "1"])
         axes.set_ylim(0.0, 1.02)
     for axes in panels[-2:]:
         axes.set_xlabel(label)
@@ -268,15 +269,17 @@ def _nodes(tables: dict[str, list[Row]]) -> Figure | None:
     panels[1, 1].set_xticks([], minor=True)
     panels[0, 0].set_ylabel("mean objective,\nminus that of the last value")
     panels[1, 0].set_ylabel("worst |τ|/τ_max - 1\nbetween the nodes")
-    handles = [
-        panels[0, 0].plot([], [], color=COLOURS[name])[0] for name in dict.fromkeys(row["formulation"] for row in rows)
-    ]
-    handles += [
+    names = list(dict.fromkeys(row["formulation"] for row in rows))
+    lines = [panels[0, 0].plot([], [], color=COLOURS[name])[0] for name in names]
+    points = [
         panels[0, 0].plot([], [], color=style.GREY, linestyle="", marker=markers[number % len(markers)])[0]
         for number in range(len(cases))
     ]
-    names = [*dict.fromkeys(row["formulation"] for row in rows), *cases]
-    figure.legend(handles, names, loc="outside upper center", ncols=len(names))
+    # a row of formulations and one of cases: a legend is filled column by column
+    blank = panels[0, 0].plot([], [], linestyle="")[0]
+    both = list(zip_longest(zip(lines, names, strict=True), zip(points, cases, strict=True), fillvalue=(blank, "")))
+    handles, labels = zip(*[entry for column in both for entry in column], strict=True)
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(both))
     return figure
 
 
