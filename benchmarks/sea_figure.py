@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse
 from scipy.stats import chi2
 
-from gbt_ocp.experiments.result import History, Result
+from gbt_ocp.experiments.history import History
+from gbt_ocp.experiments.result import Result
 from gbt_ocp.reporting import style
 
 EVERY_S = 20.0

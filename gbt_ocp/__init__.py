@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from gbt_ocp.experiments.comparison.compare import Comparison, compare
     from gbt_ocp.experiments.configuration import Configuration
     from gbt_ocp.experiments.faults import ConfigurationError
+    from gbt_ocp.experiments.history import History
     from gbt_ocp.experiments.loading import load_config
     from gbt_ocp.experiments.problem import TrackingProblem
-    from gbt_ocp.experiments.result import History, Result
+    from gbt_ocp.experiments.result import Result
     from gbt_ocp.experiments.run import run
     from gbt_ocp.experiments.studies.reproducing import reproduce
     from gbt_ocp.experiments.sweep.sweeping import Sweep, sweep
@@ -35,7 +36,7 @@ _HOMES = {
     "Comparison": "comparison.compare",
     "Configuration": "configuration",
     "ConfigurationError": "faults",
-    "History": "result",
+    "History": "history",
     "Result": "result",
     "Sweep": "sweep.sweeping",
     "TrackingProblem": "problem",

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gbt_ocp.experiments.result import History, installed_versions, summarise
+from gbt_ocp.experiments.history import History
+from gbt_ocp.experiments.summary import installed_versions, summarise
 
 PERIOD = 0.1
 CONFIGURATION = """\

@@ -217,7 +217,7 @@ def test_imports_run_one_way_as_the_table_of_rooms_says():
             elif room(module) != own:
                 assert room(module) in allowed[own], where
                 if own == "reporting":
-                    assert module.removeprefix("gbt_ocp.experiments") in ("", ".result", ".replay"), where
+                    assert module.removeprefix("gbt_ocp.experiments") in ("", ".history", ".replay"), where
                 if room(module) == "reporting" and module != "gbt_ocp.reporting.tables":  # which draws nothing
                     assert lazy, f"{where} before anything is drawn"
 

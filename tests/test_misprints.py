@@ -15,7 +15,7 @@ from gbt_ocp.bearings import DesiredBearing, condition_number, cumulative_bearin
 from gbt_ocp.experiments.build import build_vehicle
 from gbt_ocp.experiments.build_desired import build_desired_bearing
 from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.experiments.result import summarise
+from gbt_ocp.experiments.summary import summarise
 from gbt_ocp.ocp import FlatTrajectory, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.objectives import BearingSimilarity, sigma_points, sigma_weights
 from gbt_ocp.ocp.penalty import smoothed_hinge

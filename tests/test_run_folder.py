@@ -11,7 +11,8 @@ import pytest
 import synthetic_run
 
 from gbt_ocp.experiments import run_folder
-from gbt_ocp.experiments.result import History, Result
+from gbt_ocp.experiments.history import History
+from gbt_ocp.experiments.result import Result
 from gbt_ocp.reporting import figures
 
 HERE = Path(__file__).parent

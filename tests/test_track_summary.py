@@ -7,7 +7,7 @@ import pytest
 import synthetic_run
 from scipy.stats import chi2
 
-from gbt_ocp.experiments.result import History
+from gbt_ocp.experiments.history import History
 from gbt_ocp.experiments.track_summary import squared_distances, track_numbers
 
 

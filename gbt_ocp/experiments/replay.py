@@ -21,7 +21,7 @@ from gbt_ocp.experiments.faults import ConfigurationError
 from gbt_ocp.experiments.loading import load_config
 from gbt_ocp.experiments.replay_log import BearingLog, read_log
 from gbt_ocp.experiments.replay_scores import scores
-from gbt_ocp.experiments.result import installed_versions
+from gbt_ocp.experiments.summary import installed_versions
 from gbt_ocp.tracking.protocol import PositionTracker, Tracker, relative_range_std
 
 Array = NDArray[np.float64]

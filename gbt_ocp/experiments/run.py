@@ -18,8 +18,10 @@ from gbt_ocp.experiments.build import build_loop
 from gbt_ocp.experiments.build_desired import unreachable_bearings
 from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.experiments.faults import ConfigurationError
+from gbt_ocp.experiments.history import History
 from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.experiments.result import History, Result, installed_versions, summarise
+from gbt_ocp.experiments.result import Result
+from gbt_ocp.experiments.summary import installed_versions, summarise
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.guidance.startup import planner_of
 from gbt_ocp.ocp.planner import Planner

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
-    from gbt_ocp.experiments.result import History
+    from gbt_ocp.experiments.history import History
 
 _AXES = ("x", "y", "z")
 _BODY = {2: ("surge", "sway", "yaw"), 3: ("surge", "sway", "heave", "yaw")}

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 if TYPE_CHECKING:  # the summary of a history is made beside it
-    from gbt_ocp.experiments.result import History
+    from gbt_ocp.experiments.history import History
 
 Array = NDArray[np.float64]
 

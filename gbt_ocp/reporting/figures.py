@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from gbt_ocp.experiments import run_folder
-from gbt_ocp.experiments.result import History
+from gbt_ocp.experiments.history import History
 from gbt_ocp.reporting import style
 from gbt_ocp.reporting.trajectories import trajectories
 

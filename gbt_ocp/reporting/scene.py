@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from gbt_ocp.experiments import run_folder
-from gbt_ocp.experiments.result import History
+from gbt_ocp.experiments.history import History
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from gbt_ocp.experiments.result import History
+from gbt_ocp.experiments.history import History
 from gbt_ocp.reporting import style
 
 Array = NDArray[np.float64]

@@ -11,7 +11,8 @@ from gbt_ocp.experiments.build import build_loop
 from gbt_ocp.experiments.comparison.problems import Check, unasked
 from gbt_ocp.experiments.comparison.treatments import Pair, kept_planner, treated
 from gbt_ocp.experiments.configuration import Configuration
-from gbt_ocp.experiments.result import FALLBACKS, History, installed_versions, summarise
+from gbt_ocp.experiments.history import History
+from gbt_ocp.experiments.summary import FALLBACKS, installed_versions, summarise
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.simulation import simulate
 

@@ -72,7 +72,7 @@ class SweepPlan:
     histories
         Whether run folders keep ``history.npz``.
     arrays
-        Attributes of :class:`~gbt_ocp.experiments.result.History` that run folders keep in ``arrays.npz``: a hundredth
+        Attributes of :class:`~gbt_ocp.experiments.history.History` that run folders keep in ``arrays.npz``: a hundredth
         of a history where a figure needs no more.
     """
 
