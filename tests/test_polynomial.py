@@ -93,8 +93,10 @@ def test_it_begins_with_what_is_known_and_takes_on_orders_as_bearings_come():
     # on the bearing, as near to the prior as can be
     np.testing.assert_allclose(tracker.predict([0.0, 1.0]).mean, [[1.0, 5.0]] * 2, atol=1e-6)
     tracker.update(0.1, [0.0, 1.0], [4.0, 0.0])
-    # a target that moves is not where two bearings cross, (4, 5), but still somewhere on the latest
-    np.testing.assert_allclose(tracker.predict([0.0, 1.0]).mean, [[4.0, 2.0]] * 2, atol=1e-6)
+    # where two bearings cross, at (4, 5), but for a hundredth of the way to the prior
+    np.testing.assert_allclose(
+        tracker.predict([0.0, 1.0]).mean, [[4.0, 5.0] - np.array([3.0, 3.0]) / 101.0] * 2, atol=1e-6
+    )
     tracker.update(0.2, [0.6, 0.8], [4.0, 5.0])
     flat = tracker.predict([0.0, 1.0]).mean
     np.testing.assert_allclose(flat[0], flat[1])
@@ -102,6 +104,12 @@ def test_it_begins_with_what_is_known_and_takes_on_orders_as_bearings_come():
     moving = tracker.predict([0.0, 1.0, 2.0]).mean
     assert np.abs(moving[1] - moving[0]).max() > 1e-3
     np.testing.assert_allclose(moving[2] - moving[1], moving[1] - moving[0], atol=1e-9)
+    # two that are nearly parallel cross where they like; the target stays near the prior, on the bearings
+    far = build(2, 3, [1.0, 5.0])
+    far.update(0.0, [1.0, 0.0], [0.0, 5.0])
+    far.update(0.1, [np.cos(0.01), np.sin(0.01)], [0.0, 4.8])
+    guess = far.predict([0.0]).mean[0]
+    assert np.abs(guess - [1.0, 5.0]).max() < 0.5  # they cross 20 m away
     still = build(2, 0, [1.0, 2.0])
     still.update(0.0, [1.0, 0.0], [0.0, 5.0])
     still.update(0.1, [0.0, 1.0], [4.0, 0.0])

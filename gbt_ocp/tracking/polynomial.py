@@ -12,6 +12,10 @@ from gbt_ocp.tracking.window import Window
 
 Array = NDArray[np.float64]
 
+STRAY = 0.01
+"""Weight of the centre against a bearing while a target that moves is taken for a point: decimetres that it may have
+strayed from there, over metres to which the centre is known, squared."""
+
 
 class PolynomialRegression:
     """``p(t) = centre + Σ a_m T_m(s)`` by least squares over the same window and measurements as the Gaussian process.
@@ -20,8 +24,8 @@ class PolynomialRegression:
     Chebyshev's polynomials: the span of the powers, better conditioned. A window of N bearings has (d-1) N equations
     for d (order+1) unknowns; while they do not suffice the order is the largest for which they do, since a polynomial
     that is not determined goes astray when it is extrapolated (a reconstruction: the paper does not say). Until a
-    straight line is determined the point on the latest bearing nearest to the centre stands in for it: the crossing of
-    two bearings that are nearly parallel says nothing about a target that moves. The centre
+    straight line is determined it is a point, held to the centre with the weight ``STRAY``: bearings that are nearly
+    parallel say little about a target that moves between them. The centre
     is the prior position while the first bearing is in the window; afterwards, and where nothing is known, the point
     on the latest bearing at the prior's range. The spread of the prior is not used. There is no covariance.
 
@@ -79,12 +83,10 @@ class PolynomialRegression:
         d = rows.directions.shape[1]
         order = min(self._order, max(len(rows.times) // d - 1, 0))
         design = (self._basis(rows.times, order)[:, :, None] * rows.directions[:, None, :]).reshape(len(rows.times), -1)
-        measured = rows.relative_to(self._centre)
-        if order == 0 < self._order:
-            latest = rows.times == self.window.times[-1]
-            design, measured = design[latest], measured[latest]
-        damping = np.sqrt(self._ridge) * np.eye(design.shape[1])
-        wanted = np.concatenate([measured, np.zeros(design.shape[1])])
+        several = self.window.times[0] < self.window.times[-1]
+        weight = STRAY if order == 0 < self._order and several else self._ridge
+        damping = np.sqrt(weight) * np.eye(design.shape[1])
+        wanted = np.concatenate([rows.relative_to(self._centre), np.zeros(design.shape[1])])
         self._coefficients = np.linalg.lstsq(np.vstack([design, damping]), wanted, rcond=None)[0].reshape(-1, d)
 
     def _basis(self, times: Array, order: int) -> Array:
