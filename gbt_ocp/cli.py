@@ -279,16 +279,17 @@ def _codegen(arguments: argparse.Namespace) -> int:
     from gbt_ocp.ocp.codegen.folder import write_folder
     from gbt_ocp.ocp.codegen.ipopt_source import write_ipopt_folder
     from gbt_ocp.ocp.codegen.verification import verify_folder
+    from gbt_ocp.ocp.solvers import options_for
 
     section, solver = configuration.planner, arguments.solver
     problem = build_problem(configuration, build_vehicle(configuration))
-    # Options are those of the solver that the configuration names.
+    # Options under no solver's name are those of the solver that the configuration names.
     named = "compiled" if section.solver == "auto" else section.solver
-    options = section.solver_options if named == solver else {}
     if arguments.verify and solver != "compiled":
         raise ConfigurationError(["--verify: found --solver ipopt; allowed: --solver compiled"])
     try:
         write = write_folder if solver == "compiled" else write_ipopt_folder
+        options = options_for(solver, section.solver_options, common=named == solver)
         write(problem, options, arguments.out)
     except (FileExistsError, CompilerError) as fault:
         raise ConfigurationError([f"--out: {fault}"]) from fault

@@ -1,12 +1,13 @@
 """At sea, in space: noisy bearings to a boat that must not be approached.
 
-The target keeps 1 m/s and turns at rates within ±0.05 rad/s that change every 20 to 40 s, rising and sinking with it.
-The bearing has a standard deviation of 1° at 10 Hz and is missed in 5 % of the samples. The vehicle, at most 4 m/s
-fast, keeps 30 m away with a probability of 99.9 % of its own belief and circles at about 34 m; it starts where the
-range is not known.
+As ``sea2d``, whose settings it takes, with a target that rises and sinks at 60 m below the surface, and a vehicle that
+keeps between surface and seabed.
 """
 
+from gbt_ocp.experiments.catalogue import load_problem
 from gbt_ocp.experiments.problem import TrackingProblem
+
+plane = load_problem("sea2d").defaults
 
 problem = TrackingProblem(
     name="sea3d",
@@ -14,29 +15,11 @@ problem = TrackingProblem(
     description="noisy bearings and a standoff of 30 m, in space",
     target={"kind": "turning", "start_m": [0.0, 0.0, -60.0]},
     defaults={
-        "duration_s": 300.0,
-        "sensor": {"noise_deg": 1.0, "missed_probability": 0.05},
-        "tracker": {"kind": "motion_gp", "forecast": 20, "forecast_period_s": 1.0},
-        "guidance": {"kind": "planner", "startup_deviation": 0.25},
-        "planner": {
-            "pieces": 20,
-            "period_s": 1.0,
-            "formulation": "hard",
-            "nodes": 3,
-            "range_pull": 0.05,
-            "range_reference_m": 38.0,
-            # an endpoint 20 s ahead moves by hundreds of metres where a scaled unknown moves by one
-            "solver_options": {"tolerance": 3.0e-3, "gap": 2.0e-3, "deadline": 150},
-        },
+        **plane,
         "limits": {
-            "range": {"nearest_m": 30.0, "confidence": 0.999, "spread": "present"},
-            "speed": 4.0,
-            "yaw_rate_deg": 40.0,
+            **plane["limits"],
             "depth": {"lowest_m": -150.0, "highest_m": -2.0},
-            "nodes": 3,
-            "hard": ["range", "speed", "yaw_rate", "depth"],
+            "hard": [*plane["limits"]["hard"], "depth"],
         },
-        "desired_bearing": {"period_s": "auto", "phase": "measured"},
-        "vehicle": {"kind": "fossen", "start": {"range_m": 40.0}},
     },
 )

@@ -14,6 +14,7 @@ from gbt_ocp.experiments.faults import ConfigurationError
 from gbt_ocp.experiments.loading import load_config
 from gbt_ocp.guidance.orbit import circling_speed, horizontal_radius, turn_period
 from gbt_ocp.guidance.startup import CrossFirst
+from gbt_ocp.ocp.solvers import options_for
 from gbt_ocp.simulation import simulate
 from gbt_ocp.targets import TurningTarget
 from gbt_ocp.tracking.protocol import Forecast
@@ -281,3 +282,30 @@ def test_crossing_begins_again_when_the_range_is_lost():
     assert answers[0][0] < 0.0
     with pytest.raises(ValueError, match=r"guidance.startup_opening: found 3.0; allowed: a number < startup_speed"):
         CrossFirst(planned, FALCON, 0.1, deviation=0.25, speed=3.0, opening=3.0, leg=8.0)
+
+
+def test_options_of_the_compiled_solver_stay_with_it():
+    # the wide tolerances of the sea are of no meaning to IPOPT, which plans the same turn with its own
+    far = {"vehicle.start.range_m": 80.0, "planner.solver": "ipopt"}
+    run = sailed(2, duration=3.0, guidance="{kind: planner, startup_deviation: 0.0}", **far)
+    planned = run["solver_status"] != ""
+    assert np.sum(planned) >= 3
+    # the first belief may be too wide for the standoff; then the limit on it is a penalty
+    assert set(run["fallback"][planned]) <= {"none", "relaxed"}
+
+
+@pytest.mark.parametrize(
+    ("solver", "options", "common", "wanted"),
+    [
+        ("compiled", {"compiled": {"gap": 1.0, "deadline": 9}, "gap": 2.0}, True, {"gap": 2.0, "deadline": 9}),
+        ("ipopt", {"compiled": {"gap": 1.0}, "ipopt": {"tol": 1.0}, "max_iter": 5}, True, {"tol": 1.0, "max_iter": 5}),
+        ("ipopt", {"compiled": {"gap": 1.0}, "gap": 1.0}, False, {}),
+    ],
+)
+def test_options_belong_to_the_solver_they_are_written_under(solver, options, common, wanted):
+    assert options_for(solver, options, common=common) == wanted
+
+
+def test_options_under_a_solvers_name_are_a_mapping():
+    with pytest.raises(ValueError, match=r"solver_options\.ipopt: found 3; allowed: a mapping of option names"):
+        options_for("compiled", {"ipopt": 3})

@@ -195,7 +195,9 @@ class Planner(Section):
     range_reference_m: float = key(1.0, "Range in m below which the pull fades.", "a number > 0", gt=0.0)
     solver: Literal["auto", "compiled", "ipopt"] = key("auto", "Solver of the NLP.", "auto, compiled, ipopt")
     solver_options: Annotated[dict[str, Any], AfterValidator(_plain_options)] = key(
-        {}, "Options handed to the solver.", "a mapping of option names to finite numbers, strings, booleans or lists"
+        {},
+        "Options handed to the solver; those in a mapping under compiled or ipopt to that solver only.",
+        "a mapping of option names to finite numbers, strings, booleans or lists",
     )
 
 

@@ -157,7 +157,7 @@ class TrajectoryProblem:
         solver
             ``ipopt``, or ``auto`` for the best one that is there.
         options
-            Handed to the solver.
+            Handed to the solver; those in a mapping under the name of a solver to that solver only.
 
         Raises
         ------

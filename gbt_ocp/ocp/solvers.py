@@ -89,8 +89,37 @@ SOLVERS = {
 """Names and one-line descriptions of the solvers that a configuration can name besides ``auto``."""
 
 
+def options_for(solver: str, options: Mapping[str, Any], *, common: bool = True) -> dict[str, Any]:
+    """Those options that are for one solver.
+
+    A mapping under the name of a solver is for that solver only; options under no such name are for whichever solver
+    is taken, and win.
+
+    Parameters
+    ----------
+    solver
+        A name of :data:`SOLVERS`.
+    options
+        As a configuration has them, ``{"compiled": {"deadline": 150}, "tolerance": 1e-3}``.
+    common
+        Whether those under no solver's name are taken.
+
+    Raises
+    ------
+    ValueError
+        If there is something else than a mapping under the name of a solver.
+    """
+    for name in SOLVERS:
+        if not isinstance(options.get(name, {}), Mapping):
+            raise ValueError(f"solver_options.{name}: found {options[name]!r}; allowed: a mapping of option names")
+    free = {name: value for name, value in options.items() if common and name not in SOLVERS}
+    return {**options.get(solver, {}), **free}
+
+
 def make_solver(problem: TrajectoryProblem, name: str, options: Mapping[str, Any]) -> Solver:
     """Build the solver of that name; ``auto`` takes ``compiled`` where that can be had and ``ipopt`` elsewhere.
+
+    Options are those of :func:`options_for`; under ``auto`` options for whichever solver are the compiled one's.
 
     Warns
     -----
@@ -108,14 +137,13 @@ def make_solver(problem: TrajectoryProblem, name: str, options: Mapping[str, Any
     from gbt_ocp.ocp.ipopt import IpoptSolver
 
     if name == "ipopt":
-        return IpoptSolver(problem, options)
+        return IpoptSolver(problem, options_for("ipopt", options))
     if name == "compiled":
-        return CompiledSolver(problem, options)
+        return CompiledSolver(problem, options_for("compiled", options))
     if name == "auto":
         try:
-            return CompiledSolver(problem, options)
+            return CompiledSolver(problem, options_for("compiled", options))
         except (CompilerError, NotGenerableError) as reason:
             warnings.warn(f"solver: auto takes ipopt, which is far slower: {reason}", RuntimeWarning, stacklevel=3)
-            # the options were meant for the compiled solver
-            return IpoptSolver(problem, {})
+            return IpoptSolver(problem, options_for("ipopt", options, common=False))
     raise ValueError(f"solver: found {name!r}; allowed: auto, {', '.join(SOLVERS)}")
