@@ -27,10 +27,10 @@ import gbt_ocp as gbt
 _TOLD = {"initial_range_m": 50.0, "bearing_std_deg": 1.0}
 _RANGE = {"initial_range_std_m": 50.0, "initial_speed_std": 1.0}
 RIVALS: dict[str, dict[str, Any]] = {
-    "ekf": {"kind": "ekf", **_TOLD, **_RANGE, "process_noise": 3.0e-3},
+    "ekf": {"kind": "ekf", **_TOLD, **_RANGE, "process_noise": 1.0e-2},
     # a mode lasts ten seconds on the average, at ten bearings a second
     "imm_ekf": {
-        "kind": "imm_ekf", **_TOLD, **_RANGE, "process_noise": 1.0e-4, "jerk_noise": 1.0e-4,
+        "kind": "imm_ekf", **_TOLD, **_RANGE, "process_noise": 1.0e-5, "jerk_noise": 1.0e-4,
         "stay_probability": 0.99, "turn_rate_max": 0.1,
     },
     "plkf, compensated": {
@@ -40,7 +40,7 @@ RIVALS: dict[str, dict[str, Any]] = {
 """Trackers beside the one that the configuration names."""
 
 SEARCHED = {
-    "ekf": {"process_noise": [1e-3, 3e-3, 1e-2]},
+    "ekf": {"process_noise": [1e-3, 3e-3, 1e-2, 3e-2]},
     "imm_ekf": {"process_noise": [1e-5, 1e-4, 1e-3], "jerk_noise": [1e-5, 1e-4, 1e-3]},
     "plkf, compensated": {"process_noise": [3e-4, 1e-3, 3e-3]},
 }

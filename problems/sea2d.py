@@ -15,7 +15,17 @@ problem = TrackingProblem(
     defaults={
         "duration_s": 300.0,
         "sensor": {"noise_deg": 1.0, "missed_probability": 0.05},
-        "tracker": {"kind": "motion_gp", "forecast": 20, "forecast_period_s": 1.0},
+        "tracker": {
+            "kind": "motion_gp",
+            "forecast": 20,
+            "forecast_period_s": 1.0,
+            # two laps round the target: with one of them, 60 s, errors are half as large again
+            "window_s": 120.0,
+            "bin_s": 2.0,
+            "turn_kernel": "ou",
+            # a fifth above the sensor's: told too little noise, a tracker is lost; told too much, it loses little
+            "noise": {"std_deg": 1.2},
+        },
         "guidance": {"kind": "planner", "startup_deviation": 0.25},
         "planner": {
             "pieces": 20,
