@@ -123,6 +123,9 @@ def case_target(number: int, *, turn_rate_step: float = 0.0, every_s: float = 10
 TURNING_STEP = 0.05
 """Step in seconds at which the course of a :class:`TurningTarget` is integrated."""
 
+MOST_TURNS = 1_000_000
+"""Largest number of turns that are drawn for a :class:`TurningTarget`."""
+
 SPEED_TIME = 40.0
 """Correlation time in seconds of a :class:`TurningTarget`'s speed, where it varies."""
 
@@ -181,6 +184,12 @@ class TurningTarget:
         numbers = {"duration": duration, "speed": speed}
         if not (all(value > 0.0 for value in numbers.values()) and min(turn_rate_max, climb_rate_max, speed_std) >= 0):
             raise ValueError(f"duration and speed must be positive, rates not negative, found {numbers}")
+        longest = min(MOST_TURNS * 0.5 * (hold[0] + hold[1]), 5 * MOST_TURNS * TURNING_STEP)
+        if duration > longest:
+            raise ValueError(
+                f"target: found a motion of {duration:.6g} s; allowed: at most {longest:.6g} s, {MOST_TURNS} turns of "
+                f"hold_s or {5 * MOST_TURNS} steps of {TURNING_STEP} s"
+            )
         self.dimension = dimension
         self.duration = float(duration)
         turns, speeds = rng.spawn(2)

@@ -6,16 +6,17 @@ instead of after them; a value of the wrong type is left to the models.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from gbt_ocp.experiments.configuration import Configuration, Planner, Sensor
+from gbt_ocp.experiments.extremes import MOST_BINS, MOST_DRAWS, MOST_STEPS, is_moderate, too_many
 from gbt_ocp.experiments.faults import NOTHING, Fault, kinds, shown, union_of, value_at
+from gbt_ocp.experiments.keys import Section
 from gbt_ocp.experiments.noise_sections import NoisyBearings
 from gbt_ocp.experiments.problem import TrackingProblem
-from gbt_ocp.experiments.tracker_sections import TrackerSection
+from gbt_ocp.experiments.tracker_sections import MotionTracker, TrackerSection
 from gbt_ocp.targets import TrackTarget
 
 _BINS = ("bin_s", "window_s")
@@ -47,8 +48,8 @@ def inconsistencies(merged: Mapping[str, Any], problem: TrackingProblem | None) 
 def _number(merged: Mapping[str, Any], path: tuple[str, ...], default: Any) -> float | None:
     value = value_at(merged, path)
     value = default if value is NOTHING else value
-    number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < math.inf
-    return value if number else None
+    number = isinstance(value, int | float) and not isinstance(value, bool) and is_moderate(value)
+    return value if number else None  # sizes that are none are said elsewhere
 
 
 def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
@@ -80,6 +81,14 @@ def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
     if duration is not None and period is not None and duration < 2.0 * period:
         allowed = f"at least two sampling periods, {2.0 * period:.6g} s"
         yield Fault(("duration_s",), shown(duration), allowed)
+    hold = _number(merged, ("guidance", "hold_s"), None)
+    if hold is not None and period is not None and hold > 0.0 and too_many(period, hold, MOST_DRAWS):
+        yield Fault(
+            ("guidance", "hold_s"), shown(hold), f"at least sensor.period_s / {MOST_DRAWS} = {period / MOST_DRAWS:g} s"
+        )
+    if duration is not None and period is not None and period > 0.0 and too_many(duration, period, MOST_STEPS):
+        allowed = f"at most {MOST_STEPS} sampling periods, {MOST_STEPS * period:.6g} s"
+        yield Fault(("duration_s",), shown(duration), allowed)
 
 
 def _one_of(merged: Mapping[str, Any], path: tuple[str, ...], first: str, second: str) -> Iterator[Fault]:
@@ -93,14 +102,25 @@ def _one_of(merged: Mapping[str, Any], path: tuple[str, ...], first: str, second
 
 def _noise(merged: Mapping[str, Any]) -> Iterator[Fault]:
     """What the tracker is told of noise beside what the sensor makes."""
-    path = ("tracker", "noise")
-    if not isinstance(value_at(merged, path), Mapping) or value_at(merged, ("tracker", "kind")) != "gp":
+    path, kind = ("tracker", "noise"), value_at(merged, ("tracker", "kind"))
+    if kind == "motion_gp":
+        yield from _bins(merged, ("tracker",), MotionTracker, 4)
+    if not isinstance(value_at(merged, path), Mapping) or kind != "gp":
         return
     if value_at(merged, (*path, "std_deg")) in (NOTHING, None) and not _number(merged, ("sensor", "noise_deg"), 0.0):
         yield Fault((*path, "std_deg"), "null", "a number > 0 where sensor.noise_deg is 0")
-    width, window = (_number(merged, (*path, name), NoisyBearings.model_fields[name].default) for name in _BINS)
-    if width is not None and window is not None and window < 2.0 * width:
-        yield Fault((*path, "window_s"), shown(window), f"at least two bins, {2.0 * width:.6g} s")
+    yield from _bins(merged, path, NoisyBearings, 2)
+
+
+def _bins(merged: Mapping[str, Any], path: tuple[str, ...], section: type[Section], least: int) -> Iterator[Fault]:
+    """A window that holds too few bins, or more than can be computed with."""
+    width, window = (_number(merged, (*path, name), section.model_fields[name].default) for name in _BINS)
+    if width is None or window is None or min(width, window) <= 0.0:
+        return
+    if window < least * width:
+        yield Fault((*path, "window_s"), shown(window), f"at least {least} bins, {least * width:.6g} s")
+    elif too_many(window, width, MOST_BINS):
+        yield Fault((*path, "window_s"), shown(window), f"at most {MOST_BINS} bins, {MOST_BINS * width:.6g} s")
 
 
 def _limits(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Iterator[Fault]:
@@ -168,7 +188,7 @@ def _track(merged: Mapping[str, Any], dimension: int) -> Iterator[Fault]:
         _number(merged, ("sensor", "period_s"), Sensor.model_fields["period_s"].default),
         _number(merged, ("tracker", "forecast"), TrackerSection.model_fields["forecast"].default),
     )
-    period = _number(merged, ("tracker", "forecast_period_s"), values[3])
+    period = _number(merged, ("tracker", "forecast_period_s"), None) or values[3]  # null may be written out
     values = (*values[:3], period, values[4])
     numbers = [value for value in values if value is not None]
     if len(numbers) < len(values):

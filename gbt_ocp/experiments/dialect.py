@@ -59,14 +59,29 @@ def parse(text: str | bytes, label: str) -> tuple[Any, list[str]]:
         mark = getattr(fault, "problem_mark", None)
         place = f"{label}:{mark.line + 1}" if mark is not None else label
         problem = getattr(fault, "problem", None) or getattr(fault, "reason", None) or str(fault).partition("\n")[0]
-        raise YamlError(f"{place}: found {problem}; allowed: YAML") from fault
-    except ValueError as fault:
-        raise (
-            fault if isinstance(fault, YamlError) else YamlError(f"{label}: found {fault}; allowed: YAML")
-        ) from fault
+        raise YamlError(f"{place}: found {_one_line(problem)}; allowed: YAML") from fault
+    except YamlError:
+        raise
+    except RecursionError:
+        raise YamlError(f"{label}: found more levels than can be read; allowed: YAML") from None
+    except Exception as fault:
+        # a tag that does not fit its value ends in whatever its constructor stumbles over: `!!int ''`, `!!timestamp x`
+        raise YamlError(f"{label}: found {_one_line(fault)}; allowed: YAML") from fault
     finally:
         if loader is not None:
             loader.dispose()
+
+
+def printable(text: str) -> str:
+    """A text on one line: what cannot be printed, line ends among it, is escaped."""
+    return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text)
+
+
+def _one_line(problem: object) -> str:
+    """What a library says, on one line; nothing but the name of an exception that says what only its author knows."""
+    if isinstance(problem, Exception) and not isinstance(problem, ValueError):
+        return "a value that does not fit its tag"
+    return " ".join(str(problem).split())
 
 
 def dump(mapping: dict[str, Any]) -> str:

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from gbt_ocp.experiments.configuration import Configuration
+from gbt_ocp.experiments.dialect import printable
 
 
 class ConfigurationError(ValueError):
@@ -24,7 +25,7 @@ class ConfigurationError(ValueError):
     """
 
     def __init__(self, faults: Iterable[str]) -> None:
-        self.faults = list(faults)
+        self.faults = [printable(line) for line in faults]
         super().__init__(self.faults)
 
     def __str__(self) -> str:
@@ -41,7 +42,7 @@ class Fault:
 
     def line(self, label: str) -> str:
         """The line a user reads."""
-        return f"{label}: {'.'.join(self.path)}: found {self.found}; allowed: {self.allowed}"
+        return f"{label}: {'.'.join(map(shortened, self.path))}: found {self.found}; allowed: {self.allowed}"
 
 
 NOTHING = object()
@@ -65,6 +66,11 @@ def shown(value: Any) -> str:
     if value is NOTHING:
         return "nothing"
     text = json.dumps(value, ensure_ascii=False, default=str)
+    return shortened(text)
+
+
+def shortened(text: str) -> str:
+    """At most 80 characters of a text."""
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 

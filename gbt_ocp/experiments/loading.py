@@ -18,6 +18,7 @@ from pydantic import ValidationError
 from gbt_ocp.experiments import catalogue, dialect
 from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.experiments.consistency import inconsistencies
+from gbt_ocp.experiments.extremes import extremes
 from gbt_ocp.experiments.faults import NOTHING, ConfigurationError, Fault, faults_of, shown, value_at
 from gbt_ocp.experiments.problem import TrackingProblem
 
@@ -114,6 +115,7 @@ def load_config(
         configuration = Configuration.model_validate(merged, context=sizes)
     except ValidationError as error:
         found += faults_of(error, merged, sizes)
+    found += [fault for fault in extremes(merged) if fault.path not in {other.path for other in found}]
     single = {fault.path for fault in found}
     found += [fault for fault in inconsistencies(merged, problem) if fault.path not in single]
     faults += [fault.line(_origin(fault.path, layers, label)) for fault in found]
