@@ -1,0 +1,244 @@
+"""Run everything that takes long, one after another: the slow tests and every benchmark.
+
+    python scripts/everything.py --out runs/everything          # the same command goes on where it stopped
+    python scripts/everything.py --list
+    python scripts/everything.py --out runs/everything --only theory_coverage test_faults
+    python scripts/everything.py --out runs/everything --tracks FOLDER   # with CSV files of recorded tracks
+
+DIR/summary.md has a row for each: exit code, wall and processor time, and where its output is; above them the machine
+and the versions. What ended with exit code 0 is not run again. Exit codes: 0 all ended well, 1 something did not,
+2 wrong input, 4 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+OUT, TRACKS = "{out}", "{tracks}"
+
+
+@dataclass(frozen=True)
+class Job:
+    """One command.
+
+    Attributes
+    ----------
+    name
+        Folder below the output's, and what ``--only`` takes.
+    command
+        Arguments after the interpreter; ``{out}`` is the job's own folder, ``{tracks}`` what ``--tracks`` says.
+    minutes
+        Processor minutes it took where that was measured, else ``None``.
+    """
+
+    name: str
+    command: tuple[str, ...]
+    minutes: float | None = None
+
+
+def benchmark(script: str, *arguments: str, name: str = "", minutes: float | None = None) -> Job:
+    """The job of a file in ``benchmarks/``."""
+    return Job(name or script, (f"benchmarks/{script}.py", *arguments), minutes)
+
+
+BENCHMARKS = (
+    benchmark("theory_optimal_bearings"),
+    benchmark("theory_counterexamples"),
+    benchmark("theory_coverage"),
+    benchmark("tracker"),
+    benchmark("objectives"),
+    benchmark(
+        "solver",
+        *("--study", "horizon,loop", "--printed", "40", "--figure", f"{OUT}/solver_benchmark.png"),
+        name="solver_horizon",
+        minutes=2.5,
+    ),
+    benchmark("solver", "--study", "cold", "--ipopt", "250", name="solver_cold", minutes=3.5),
+    benchmark("shooting", "--study", "gap,starts,reach", "--problems", "200", "--out", OUT, name="shooting"),
+    benchmark("shooting", "--study", "loop", "--out", f"{OUT}/runs", name="shooting_loop"),
+    benchmark("shooting_figure", f"{OUT}/../shooting_loop/runs", f"{OUT}/shooting_reach.png"),
+    benchmark("filter_noise"),
+    benchmark("sweep_rate"),
+    benchmark("closed_loop", "--seeds", "10", "--jobs", "2", "--out", f"{OUT}/results.md"),
+    benchmark("recorded_tracks", TRACKS, "--seeds", "3"),
+    Job("sea_run", ("-m", "gbt_ocp.cli", "run", "sea2d", "--quiet", "--out", f"{OUT}/run")),
+    benchmark("sea_figure", f"{OUT}/../sea_run/run", "--out", f"{OUT}/sea2d.png"),
+    benchmark(
+        "sea_closed_loop",
+        *("sea2d", "sea3d", "sea2d_speed", "sea3d_speed", "--seeds", "20", "--out", f"{OUT}/sea"),
+    ),
+)
+"""Every benchmark with the arguments of the documentation, the quick ones first."""
+
+PARTS = {"shooting_forms", "solver_figure", "solver_instances", "solver_optimality"}
+"""Files in ``benchmarks/`` that others import and that do nothing by themselves."""
+
+
+def slow_tests() -> list[Job]:
+    """A job for each file with slow tests; one process, so that times mean something."""
+    files = sorted((ROOT / "tests").glob("test_*.py"))
+    slow = [path for path in files if "mark.slow" in path.read_text(encoding="utf-8")]
+    return [Job(path.stem, ("-m", "pytest", "-m", "slow", "-n", "0", "-s", f"tests/{path.name}")) for path in slow]
+
+
+def jobs() -> list[Job]:
+    """All of them in their order."""
+    return [*slow_tests(), *BENCHMARKS]
+
+
+def machine() -> dict[str, str]:
+    """What the times hold for."""
+    from gbt_ocp.experiments.summary import installed_versions
+
+    commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)
+    model = ""
+    if Path("/proc/cpuinfo").is_file():
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+        model = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
+    return {
+        "system": platform.platform(),
+        "processor": f"{model or platform.machine()}, {os.cpu_count()} cores",
+        "python": platform.python_version(),
+        "commit": commit.stdout.strip() or "unknown",
+        **{name: str(version) for name, version in installed_versions().items() if name != "python"},
+    }
+
+
+def carry_out(job: Job, out: Path, tracks: str) -> dict[str, Any]:
+    """Run one job; its result, also in ``DIR/NAME/result.json``, which is written last."""
+    folder = out / job.name
+    folder.mkdir(parents=True, exist_ok=True)
+    values = {OUT: str(folder), TRACKS: tracks}
+    arguments = [_filled(part, values) for part in job.command]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
+    described = machine()
+    before, began, used = _load(), perf_counter(), os.times()
+    with (folder / "output.txt").open("w", encoding="utf-8") as output:
+        done = subprocess.run(
+            [sys.executable, *arguments],
+            cwd=ROOT,
+            env=environment,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            check=False,
+        )
+    after = os.times()
+    found = {
+        "command": ["python", *arguments],
+        "exit": done.returncode,
+        "wall_s": perf_counter() - began,
+        # of the process and of all that it waited for
+        "processor_s": after.children_user + after.children_system - used.children_user - used.children_system,
+        "load_before": before,
+        "machine": described,
+    }
+    temporary = folder / ".result.json"
+    temporary.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    temporary.replace(folder / "result.json")
+    return found
+
+
+def _load() -> float:
+    """Processes that wanted the processor in the last minute; 0 where the system does not say."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
+
+
+def _filled(part: str, values: dict[str, str]) -> str:
+    for mark, value in values.items():
+        part = part.replace(mark, value)
+    return part
+
+
+def finished(job: Job, out: Path) -> dict[str, Any] | None:
+    """The result of a job that has run, ``None`` where there is none that can be read."""
+    try:
+        found = json.loads((out / job.name / "result.json").read_text(encoding="utf-8"))
+        return found if {"exit", "wall_s", "processor_s", "machine"} <= set(found) else None
+    except (OSError, ValueError, TypeError):
+        return None
+
+
+def write_summary(out: Path) -> None:
+    """Write ``DIR/summary.md`` from the results that there are."""
+    rows, machines = [], {}
+    for job in jobs():
+        found = finished(job, out)
+        if found is None:
+            continue
+        machines[json.dumps(found["machine"])] = found["machine"]
+        times = f"{found['wall_s']:.1f} | {found['processor_s']:.1f} | {found['load_before']:.1f}"
+        rows.append(f"| {job.name} | {found['exit']} | {times} | [output]({job.name}/output.txt) |")
+    lines = ["# Everything that takes long", ""]
+    for described in machines.values():
+        lines += [", ".join(f"{name} {value}" for name, value in described.items()), ""]
+    lines += ["| what | exit code | wall s | processor s | load before | |", "|---|---|---|---|---|---|", *rows]
+    temporary = out / ".summary.md"
+    temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    temporary.replace(out / "summary.md")
+
+
+def listing() -> str:
+    """Names, commands and times."""
+    lines = []
+    for job in jobs():
+        minutes = "not measured" if job.minutes is None else f"{job.minutes:g} min"
+        lines.append(f"{job.name:<28}{minutes:<14}python {' '.join(job.command)}")
+    return "\n".join(lines)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run what is asked for; see the module."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--out", type=Path, help="folder of the results")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="these alone")
+    parser.add_argument("--tracks", metavar="FOLDER", default="", help="recorded tracks, CSV files with t,x,y")
+    parser.add_argument("--list", action="store_true", help="show what there is")
+    arguments = parser.parse_args(argv)
+    if arguments.list:
+        print(listing())
+        return 0
+    known = {job.name: job for job in jobs()}
+    wrong = [name for name in arguments.only or () if name not in known]
+    if wrong or arguments.out is None:
+        print(f"found {', '.join(wrong) or 'no --out'}; allowed: --out DIR and names of --list", file=sys.stderr)
+        return 2
+    out = arguments.out.resolve()
+    chosen = [known[name] for name in arguments.only] if arguments.only else list(known.values())
+    failed = []
+    try:
+        for job in chosen:
+            before = finished(job, out)
+            if before is not None and before["exit"] == 0:
+                print(f"{job.name}: finished before", file=sys.stderr)
+                continue
+            if TRACKS in job.command and not arguments.tracks:
+                print(f"{job.name}: needs --tracks, left out", file=sys.stderr)
+                continue
+            print(f"{job.name}: runs", file=sys.stderr, flush=True)
+            found = carry_out(job, out, arguments.tracks)
+            print(f"{job.name}: exit code {found['exit']}, {found['processor_s']:.0f} s of processor", file=sys.stderr)
+            write_summary(out)
+            failed += [job.name] if found["exit"] else []
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on", file=sys.stderr)
+        return 4
+    if failed:
+        print(f"not ended well: {', '.join(failed)}", file=sys.stderr)
+    if (out / "summary.md").exists():
+        print(out / "summary.md")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,69 @@
+"""The one command that runs everything long: nothing is forgotten, what is finished is kept."""
+
+import importlib.util
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture
+def everything():
+    spec = importlib.util.spec_from_file_location("everything", ROOT / "scripts" / "everything.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["everything"] = module
+    spec.loader.exec_module(module)
+    yield module
+    del sys.modules["everything"]
+
+
+def test_every_benchmark_and_every_file_with_slow_tests_is_listed(everything):
+    run = {Path(job.command[0]).stem for job in everything.BENCHMARKS if job.command[0].startswith("benchmarks/")}
+    there = {path.stem for path in (ROOT / "benchmarks").glob("*.py")}
+    assert run | everything.PARTS == there
+    assert not run & everything.PARTS
+    for part in everything.PARTS:  # nobody could run them
+        assert "__main__" not in (ROOT / "benchmarks" / f"{part}.py").read_text(encoding="utf-8")
+    names = [job.name for job in everything.jobs()]
+    assert len(set(names)) == len(names)
+    assert {"test_generated_c", "test_faults", "test_fuzzed_configurations"} <= set(names)
+
+
+def test_options_are_those_of_the_scripts(everything):
+    for job in everything.BENCHMARKS:
+        if job.command[0].startswith("benchmarks/"):
+            text = (ROOT / job.command[0]).read_text(encoding="utf-8")
+            for option in (part for part in job.command[1:] if part.startswith("--")):
+                assert f'"{option}"' in text, job
+
+
+def test_what_is_finished_is_kept_and_what_failed_is_run_again(everything, tmp_path, monkeypatch, capsys):
+    marks = tmp_path / "marks"
+    script = "import pathlib, sys; p = pathlib.Path(sys.argv[1]); p.open('a').write(sys.argv[2]); print('said')"
+    good = everything.Job("good", ("-c", script, str(marks), "g"))
+    bad = everything.Job("bad", ("-c", f"{script}; sys.exit(int(p.read_text().count('b') < 2))", str(marks), "b"))
+    boats = everything.Job("boats", ("-c", script, everything.TRACKS, "t"))
+    monkeypatch.setattr(everything, "jobs", lambda: [good, bad, boats])
+    out = tmp_path / "out"
+    assert everything.main(["--out", str(out)]) == 1
+    assert marks.read_text() == "gb"
+    assert "boats: needs --tracks, left out" in capsys.readouterr().err
+    assert (out / "good" / "output.txt").read_text() == "said\n"
+    result = json.loads((out / "good" / "result.json").read_text())
+    assert result["exit"] == 0
+    assert 0.0 < result["processor_s"] < 60.0
+    assert result["machine"]["python"].startswith("3.")
+    summary = (out / "summary.md").read_text()
+    assert "| good | 0 |" in summary
+    assert "| bad | 1 |" in summary
+    (out / "good" / "result.json").write_text("{")  # a damaged result counts as none
+    assert everything.main(["--out", str(out)]) == 0
+    assert marks.read_text() == "gbgb"
+    assert everything.main(["--out", str(out), "--only", "boats", "--tracks", str(marks)]) == 0
+    assert marks.read_text() == "gbgbt"
+    assert everything.main(["--out", str(out), "--only", "nobody"]) == 2
+    assert everything.main(["--list"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("boats")
