@@ -19,7 +19,7 @@ problem = TrackingProblem(
             "kind": "motion_gp",
             "forecast": 20,
             "forecast_period_s": 1.0,
-            # two laps round the target: with one of them, 60 s, errors are half as large again
+            # a lap and a half round the target: with 60 s, errors are half as large again
             "window_s": 120.0,
             "bin_s": 2.0,
             "turn_kernel": "ou",
