@@ -89,6 +89,7 @@ def _motion(
         update=section.update_s,
         starts=section.starts_m,
         hypotheses=section.hypotheses,
+        memory=math.inf if section.memory is None else section.memory,
         gate=math.inf if section.gate is None else section.gate,
         known_position=position,
         known_covariance=covariance,

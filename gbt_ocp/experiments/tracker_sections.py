@@ -153,6 +153,12 @@ class MotionTracker(TrackerSection):
         "null, or a list of numbers > 0",
     )
     hypotheses: int = key(3, "Largest number of distinct motions kept.", "a whole number >= 1", ge=1)
+    memory: float | None = key(
+        3.0,
+        "Factor on the deviations of position and velocity remembered from before the window; null remembers nothing.",
+        "null, or a number > 0",
+        gt=0.0,
+    )
     gate: float | None = key(
         4.0,
         "Standardised residual from which a bearing is suspected; null trusts all.",

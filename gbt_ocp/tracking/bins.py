@@ -133,6 +133,11 @@ class BearingBins:
         return len(self._bins)
 
     @property
+    def begins(self) -> float:
+        """Time at which the oldest bin begins, in seconds; not of none."""
+        return self._bins[0].index * self.width
+
+    @property
     def latest(self) -> float | None:
         """Time of the latest sample in seconds, or ``None``."""
         return self._latest

@@ -7,6 +7,7 @@ weighed by Laplace's approximation of the evidence.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -18,8 +19,8 @@ from gbt_ocp.tracking.bearing_noise import BearingNoise
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
 from gbt_ocp.tracking.motion_shape import Motions, MotionShape
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, relative_range_std
-from gbt_ocp.tracking.shape_fit import Fit, Sightings, fit, sightings_root
-from gbt_ocp.tracking.shape_moments import Moments, moments_ahead, moments_behind
+from gbt_ocp.tracking.shape_fit import Fit, Known, Sightings, fit, sightings_root
+from gbt_ocp.tracking.shape_moments import Moments, moments_ahead, moments_behind, moments_now
 from gbt_ocp.tracking.shape_processes import ShapePrior
 
 Array = NDArray[np.float64]
@@ -79,6 +80,10 @@ class MotionShapeTracker:
         Ranges in metres at which a track is begun; by default four around the prior's median.
     hypotheses
         Largest number of distinct motions kept.
+    memory
+        Factor on the deviations of the position and velocity that are remembered from before the window: the posterior
+        when the window's first bearing came, of the bearings that have left. Its error comes back every window and it
+        is no exact Gaussian, so it is trusted less than it says. Infinity remembers nothing.
     iterations
         Largest number of Gauss-Newton steps of an estimate that starts from the last one.
     gate
@@ -107,22 +112,26 @@ class MotionShapeTracker:
         knot: float | None = None,
         starts: Sequence[float] | None = None,
         hypotheses: int = 3,
+        memory: float = np.inf,
         iterations: int = 3,
         gate: float = np.inf,
         known_position: ArrayLike | None = None,
         known_covariance: ArrayLike | None = None,
         start: ArrayLike | None = None,
     ) -> None:
-        if not (update >= 0.0 and hypotheses >= 1 and iterations >= 1 and gate > 0.0):
+        if not (update >= 0.0 and hypotheses >= 1 and iterations >= 1 and gate > 0.0 and memory > 0.0):
             raise ValueError(
-                "update must be >= 0, hypotheses and iterations >= 1, gate > 0; "
-                f"found {update}, {hypotheses}, {iterations}, {gate}"
+                "update must be >= 0, hypotheses and iterations >= 1, memory and gate > 0; "
+                f"found {update}, {hypotheses}, {iterations}, {memory}, {gate}"
             )
         self.dimension = dimension
         # the lasting part of the error is the same all over a bin
         self.bins = BearingBins(bin_width, window, gate * noise.std)
         self._prior = prior if prior is not None else ShapePrior()
-        self._shape = MotionShape(dimension, self._prior, span=window + bin_width, knot=knot or 2.0 * bin_width)
+        # what is remembered may be older than the oldest bin by two updates and the time between two nodes
+        knot = knot or 2.0 * bin_width
+        self._span = window + bin_width + (2.0 * update + knot if np.isfinite(memory) else 0.0)
+        self._shape = MotionShape(dimension, self._prior, span=self._span, knot=knot)
         self._noise = noise
         self._update = update
         p = self._prior.range
@@ -132,6 +141,8 @@ class MotionShapeTracker:
         self._gate = gate
         self._own = np.zeros(dimension) if start is None else np.array(start, dtype=float)
         self._known = _root_of(known_position, known_covariance)
+        self._memory = memory
+        self._trail: deque[tuple[float, Known]] = deque()
         self._first: float | None = None
         self._now = np.nan
         self._fit: Fit | None = None
@@ -200,6 +211,9 @@ class MotionShapeTracker:
             self._compete(means)
         self._keep_distinct()
         self._open = not self.range_observable
+        if not self._open and np.isfinite(self._memory):
+            times, mean, covariance = moments_now(self._shape, *self._likely())
+            self._trail.append((now, Known(now + times, own + mean, _root(covariance) / self._memory)))
         self._check()
 
     def _compete(self, means: BinnedBearings) -> None:
@@ -261,10 +275,21 @@ class MotionShapeTracker:
             ranges = np.ones((1, len(times)))
         covariance = n.covariance(means, np.maximum(ranges, 1e-2), n.white_variance(self.bins))
         root, log_determinant = sightings_root(covariance, n.correlated_std == 0.0)
-        known = None
-        if self._known is not None and self._first is not None and means.times[0] <= self._first + self.bins.width:
-            known = (self._first - self._now, self._known[0] - self._own, self._known[1])
-        return Sightings(times, means.bearings, own, root, log_determinant, known)
+        known = self._remembered()
+        assert self._first is not None, "there is a bearing"
+        if known is None and self._known is not None and means.times[0] <= self._first + self.bins.width:
+            known = Known(np.array([self._first]), self._known[0][None], self._known[1])
+        seen = None if known is None else known.seen_from(self._now, self._own)
+        return Sightings(times, means.bearings, own, root, log_determinant, seen)
+
+    def _remembered(self) -> Known | None:
+        """What the bearings say that have left the window, if anything; it rests on none of the window's."""
+        begins = self.bins.begins
+        while len(self._trail) > 1 and self._trail[1][0] <= begins + 1e-9:
+            self._trail.popleft()
+        if not self._trail or self._trail[0][0] > begins + 1e-9 or self._trail[0][1].times[-1] < self._now - self._span:
+            return None
+        return self._trail[0][1]
 
     def _keep_distinct(self) -> None:
         """Keep the likeliest hypotheses that are not the same motion twice."""
@@ -294,6 +319,7 @@ class MotionShapeTracker:
             self.resets += 1
             self._unfit = 0
             self._fit = None
+            self._trail.clear()
             self.bins.forget_before(self._now - 0.4 * self.bins.window)
             self._estimate(self._now, self._own)
 
@@ -391,10 +417,16 @@ def _root_of(position: ArrayLike | None, covariance: ArrayLike | None) -> tuple[
         return None
     if covariance is None:
         raise ValueError("known_covariance is needed beside known_position")
-    values, axes = np.linalg.eigh(np.asarray(covariance, dtype=float))
-    if not np.all(values > 0.0):
+    matrix = np.asarray(covariance, dtype=float)
+    if not np.all(np.linalg.eigvalsh(matrix) > 0.0):
         raise ValueError("known_covariance must be positive definite")
-    return np.array(position, dtype=float), (axes / np.sqrt(values)).T
+    return np.array(position, dtype=float), _root(matrix)
+
+
+def _root(covariance: Array) -> Array:
+    """A matrix A ``(d, d)`` with ``AᵀA`` the inverse of a covariance."""
+    values, axes = np.linalg.eigh(covariance)
+    return np.asarray((axes / np.sqrt(values)).T)
 
 
 def _log_mean(values: Array) -> float:

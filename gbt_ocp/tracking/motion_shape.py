@@ -213,9 +213,12 @@ class MotionShape:
 
     # ---- where they lead --------------------------------------------------------------------------------------------
 
-    def past(self, motions: Motions) -> Nodes:
-        """Motions at :attr:`past_nodes`."""
-        return self._nodes(motions, self._past, motions.white)
+    def past(self, motions: Motions, count: int | None = None) -> Nodes:
+        """Motions at :attr:`past_nodes`, or at the first ``count`` of them."""
+        there = self._past
+        if count is not None:
+            there = Operators(there.nodes[:count], *(rows[:, :count] for rows in there[1:]))
+        return self._nodes(motions, there, motions.white)
 
     def ahead(self, motions: Motions, horizon: float, white: Array | None = None) -> tuple[Array, Nodes]:
         """Motions at nodes from now to at least ``horizon`` seconds ahead.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,28 @@ NEAREST = 1.0e-2
 """Range in metres below which a bearing's slope grows no further."""
 
 
+class Known(NamedTuple):
+    """Positions that are known before any bearing of the window, relative to now and to the own position now.
+
+    Attributes
+    ----------
+    times
+        ``(K,)`` in seconds.
+    positions
+        ``(K, d)`` in metres.
+    root
+        A ``(Kd, Kd)`` with ``AᵀA`` the inverse of their joint covariance, 1/m.
+    """
+
+    times: Array
+    positions: Array
+    root: Array
+
+    def seen_from(self, time: float, own: Array) -> Known:
+        """The same, relative to another time in seconds and own position ``(d,)``, which were zero."""
+        return Known(self.times - time, self.positions - own, self.root)
+
+
 @dataclass(frozen=True)
 class Sightings:
     """N mean bearings as one estimate sees them, relative to now and to the own position now.
@@ -43,7 +66,7 @@ class Sightings:
     log_determinant
         log det R, ``(...)``, of one direction of the tangent plane.
     known
-        A position that is known beforehand: time in s, position ``(d,)`` in m, and root of its precision ``(d, d)``.
+        Positions that are known beforehand, if any.
     """
 
     times: Array
@@ -51,7 +74,7 @@ class Sightings:
     own_positions: Array
     root: Array
     log_determinant: Array
-    known: tuple[float, Array, Array] | None = None
+    known: Known | None = None
 
     def whitened(self, rows: Array) -> Array:
         """R^-½ times rows ``(B, N, ...)``."""
@@ -160,10 +183,10 @@ def _linearised(shape: MotionShape, motions: Motions, seen: Sightings) -> _Linea
     rows = seen.whitened(angles).reshape(count, -1)
     whitened = seen.whitened(slopes).reshape(count, rows.shape[1], -1)
     if seen.known is not None:
-        time, position, root = seen.known
-        there = shape.at(np.array([time]))[0]
-        rows = np.concatenate([rows, (position - there @ nodes.positions) @ root.T], axis=1)
-        known = np.einsum("g,bgik->bik", there, nodes.slopes)
+        there, root = shape.at(seen.known.times), seen.known.root
+        off = (seen.known.positions - there @ nodes.positions).reshape(count, -1)
+        known = (there @ nodes.slopes.reshape(count, between, -1)).reshape(count, off.shape[1], -1)
+        rows = np.concatenate([rows, off @ root.T], axis=1)
         whitened = np.concatenate([whitened, root @ known], axis=1)
     objective = np.sum(rows**2, axis=1) + np.sum(motions.white**2, axis=1)
     return _Linearisation(rows, whitened, angles, ranges, objective)

@@ -57,6 +57,23 @@ def moments_behind(shape: MotionShape, found: Fit, weights: Array) -> Moments:
     return _mixed(shape.past_nodes, nodes.positions, _spread(nodes.slopes, found.covariance), weights)
 
 
+def moments_now(shape: MotionShape, found: Fit, weights: Array) -> tuple[Array, Array, Array]:
+    """What is known of position and velocity now, as the joint moments of the positions at the two latest nodes.
+
+    Returns
+    -------
+    Times ``(2,)`` in seconds, mean ``(2, d)`` in metres and covariance ``(2d, 2d)`` in m², relative to now and to the
+    own position now.
+    """
+    nodes = shape.past(found.motions, 2)
+    count, _, d = nodes.positions.shape
+    both = nodes.positions.reshape(count, 1, 2 * d)
+    mixed = _mixed(
+        shape.past_nodes[:1], both, _spread(nodes.slopes.reshape(count, 1, 2 * d, -1), found.covariance), weights
+    )
+    return shape.past_nodes[:2], mixed.mean.reshape(2, d), mixed.covariance[0]
+
+
 def _spread(slopes: Array, covariance: Array) -> Array:
     """Covariance of the positions ``(B, G, d, d)``."""
     count, nodes, d, n = slopes.shape
