@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from time import perf_counter
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import casadi as ca
 import numpy as np
@@ -69,6 +70,23 @@ class ClosedLoop:
     follow: Literal["exact", "dynamics"]
     bound_delta: float
     rng: np.random.Generator
+
+    # what a protocol says of an object takes as long to find out as a step of a cheap tracker: asked once a loop
+
+    @cached_property
+    def position_tracker(self) -> PositionTracker | None:
+        """The tracker, if it is given positions."""
+        return self.tracker if isinstance(self.tracker, PositionTracker) else None
+
+    @cached_property
+    def gaussian_process(self) -> GaussianProcess | None:
+        """The tracker, if it has hyperparameters and a bound."""
+        return self.tracker if isinstance(self.tracker, GaussianProcess) else None
+
+    @cached_property
+    def bearing_guidance(self) -> BearingGuidance | None:
+        """The guidance, if it is told of bearings."""
+        return self.guidance if isinstance(self.guidance, BearingGuidance) else None
 
 
 @dataclass(frozen=True)
@@ -212,7 +230,7 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
             underway.append((t, bearing, own, position))
         while underway and underway[0][0] <= t - loop.sensor.latency + 1e-9:
             measured, arrived, there, whole = underway.popleft()
-            if _taken(loop.tracker, measured, arrived, there, whole):
+            if _taken(loop, measured, arrived, there, whole):
                 seen.append(arrived)
                 latest = arrived
             else:
@@ -224,8 +242,8 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
         finite = _is_finite(forecast)
         held += not finite
         usable = forecast if finite else _held(usable, own, len(times))
-        if isinstance(loop.guidance, BearingGuidance):
-            loop.guidance.see(latest)
+        if loop.bearing_guidance is not None:
+            loop.bearing_guidance.see(latest)
         decision = loop.guidance.decide(t, flat, usable)
         if isinstance(decision, Plan):
             move = mover.follow(decision)
@@ -260,17 +278,17 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
     for row in rows:  # where nothing is planned yet there are no endpoints
         row["plan"] = np.pad(row["plan"], ((0, longest - len(row["plan"])), (0, 0)), constant_values=np.nan)
     arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    retries = loop.tracker.nugget_retries if isinstance(loop.tracker, GaussianProcess) else 0
+    retries = loop.gaussian_process.nugget_retries if loop.gaussian_process is not None else 0
     return Recording(arrays, tightened, retries, refused, held, clipped)
 
 
-def _taken(tracker: Tracker | PositionTracker, time: float, bearing: Array, own: Array, position: Array) -> bool:
+def _taken(loop: ClosedLoop, time: float, bearing: Array, own: Array, position: Array) -> bool:
     """Give the tracker what was measured; whether it took it."""
     try:
-        if isinstance(tracker, PositionTracker):
-            tracker.update_position(time, position)
+        if loop.position_tracker is not None:
+            loop.position_tracker.update_position(time, position)
         else:
-            tracker.update(time, bearing, own)
+            cast(Tracker, loop.tracker).update(time, bearing, own)
     except ValueError:  # no bearing at all, by the tracker's protocol; the tracker is unchanged
         return False
     return True
@@ -290,24 +308,26 @@ def _held(last: Forecast | None, own: Array, count: int) -> Forecast:
 
 def _measured_position(loop: ClosedLoop, target: Array) -> Array:
     """What a tracker of positions is given ``(d,)``, drawn whether or not it is missed; others see no position."""
-    if not isinstance(loop.tracker, PositionTracker):
+    tracker = loop.position_tracker
+    if tracker is None:
         return np.full(target.shape, np.nan)
-    return np.asarray(target + loop.tracker.position_std * loop.rng.standard_normal(target.shape))
+    return np.asarray(target + tracker.position_std * loop.rng.standard_normal(target.shape))
 
 
 def _tracker_columns(loop: ClosedLoop, times: Array) -> dict[str, Any]:
     """Hyperparameters and error bound; NaN from a tracker that has none."""
-    if not isinstance(loop.tracker, GaussianProcess):
+    tracker = loop.gaussian_process
+    if tracker is None:
         unknown = dict.fromkeys(("length_scale", "amplitude", "nugget"), np.nan)
         dimension = loop.target.dimension
         return {**unknown, "prior_cov": np.full((dimension,) * 2, np.nan), "bound": np.full(len(times), np.nan)}
-    theta = loop.tracker.hyperparameters
+    theta = tracker.hyperparameters
     return {
         "length_scale": theta.length_scale,
         "amplitude": theta.amplitude,
         "nugget": theta.nugget,
-        "prior_cov": loop.tracker.prior_covariance,
-        "bound": loop.tracker.bound(times, loop.bound_delta),
+        "prior_cov": tracker.prior_covariance,
+        "bound": tracker.bound(times, loop.bound_delta),
     }
 
 
