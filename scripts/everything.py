@@ -65,6 +65,7 @@ BENCHMARKS = (
         minutes=2.5,
     ),
     benchmark("solver", "--study", "cold", "--ipopt", "250", name="solver_cold", minutes=3.5),
+    benchmark("planner_peers", "--figure", f"{OUT}/planner_peers.png"),
     benchmark("shooting", "--study", "gap,starts,reach", "--problems", "200", "--out", OUT, name="shooting"),
     benchmark("shooting", "--study", "loop", "--out", f"{OUT}/runs", name="shooting_loop"),
     benchmark("shooting_figure", f"{OUT}/../shooting_loop/runs", f"{OUT}/shooting_reach.png"),
@@ -81,7 +82,7 @@ BENCHMARKS = (
 )
 """Every benchmark with the arguments of the documentation, the quick ones first."""
 
-PARTS = {"shooting_forms", "solver_figure", "solver_instances", "solver_optimality"}
+PARTS = {"planner_peers_figure", "shooting_forms", "solver_figure", "solver_instances", "solver_optimality"}
 """Files in ``benchmarks/`` that others import and that do nothing by themselves."""
 
 

@@ -1,0 +1,43 @@
+"""One judge for every planner: the objective at the ends of the periods and the largest thrust on a fine grid.
+
+A plan is taken at its word about what it commands, never about where that leads: held inputs are integrated afresh by
+fifty Runge-Kutta steps a period, a flat trajectory is evaluated exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from gbt_ocp.ocp import TrajectoryProblem
+from gbt_ocp.ocp.shooting import ShootingPlanner
+from gbt_ocp.ocp.trajectory import FlatTrajectory
+from gbt_ocp.ocp.transcription import FINE_POINTS, input_scale, point_symbols
+
+
+class Judge:
+    """Objective, to be maximised, and largest ``|τ| / τ_max`` of a plan for one problem."""
+
+    def __init__(self, problem: TrajectoryProblem) -> None:
+        self.shooting = ShootingPlanner(problem)
+        vehicle, self._pieces, self._period = problem.vehicle, problem.pieces, problem.period
+        self._scale = input_scale(problem)
+        point = point_symbols(vehicle.flat_dimension)
+        share = vehicle.inputs(*point) / ca.DM(vehicle.thrust_max)
+        self._share = ca.Function("share", [*point], [share]).map(self._pieces * FINE_POINTS)
+
+    def held(self, start: Any, held: Any, parameters: Sequence[Any]) -> tuple[float, float]:
+        """Of inputs over their limits ``(p, n)`` held over the periods, from z and ż ``(2, n)``."""
+        knots, peaks = self.shooting.rollout(start, held)
+        return self.shooting.objective(knots, held, parameters), float(peaks.max())
+
+    def flat(self, start: Any, variables: Any, parameters: Sequence[Any]) -> tuple[float, float]:
+        """Of scaled accelerations ``(p, n)`` held over the pieces, likewise."""
+        trajectory = FlatTrajectory(self._period, start, variables * self._scale)
+        columns = [values.reshape(-1, values.shape[-1]).T for values in trajectory.sample(FINE_POINTS)]
+        peak = float(np.abs(np.asarray(self._share(*columns))).max())
+        # what is held only enters through accelerations, which these objectives do not read
+        return self.shooting.objective(trajectory.knots, np.zeros_like(variables), parameters), peak
