@@ -1,5 +1,6 @@
 """Sweeps of short runs without a solver: the same table whoever carries them out, and however often they stop."""
 
+import contextlib
 import csv
 import json
 import os
@@ -8,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -261,6 +263,43 @@ def test_killed_twice_and_resumed_the_table_is_the_same(tmp_path, runs):
     assert len(table(folder)) == runs
     assert table(folder) == table(whole.folder)
     assert sorted(entry.name for entry in (folder / "runs").iterdir()) == [f"{n:06d}" for n in range(runs)]
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for child processes in /proc")
+def test_workers_take_up_no_further_run_when_the_sweep_is_killed_alone(tmp_path):
+    def state_and_parent(pid):
+        try:
+            state, parent = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[:2]
+        except OSError:
+            return "gone", 0
+        return state, int(parent)
+
+    def working(pids):
+        return [pid for pid in pids if state_and_parent(pid)[0] not in ("gone", "Z", "X")]
+
+    folder = tmp_path / "sweep"
+    arguments = ["case1", "--runs", "400", "--set", "duration_s=1.0", "guidance.kind=random", "--jobs", "2", "--quiet"]
+    process = subprocess.Popen([*COMMAND, *arguments, "--out", str(folder)], process_group=0)
+    try:
+        deadline = time.monotonic() + 120.0
+        while not ((folder / "runs").is_dir() and len(list((folder / "runs").glob("[0-9]*"))) >= 4):
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        everyone = [int(entry.name) for entry in Path("/proc").glob("[0-9]*")]
+        workers = [pid for pid in everyone if state_and_parent(pid)[1] == process.pid]
+        assert len(workers) >= 2
+        process.kill()
+        process.wait()
+        there = len(list((folder / "runs").glob("[0-9]*")))
+        while working(workers) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert not working(workers)
+        # what was being run is finished; four more were waiting
+        assert len(list((folder / "runs").glob("[0-9]*"))) <= there + 2
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends a signal")

@@ -5,6 +5,7 @@ An engine maps a function over jobs and yields each job with what became of it, 
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol, TypeVar
@@ -61,7 +62,8 @@ class Processes:
             # One job a task: runs take seconds, and a batch would be lost whole. With a count of one, joblib would
             # take this process.
             parallel = Parallel(n_jobs=max(2, self._count), return_as="generator_unordered", batch_size=1)
-            done = parallel(delayed(_numbered)(function, index, job) for index, job in enumerate(jobs))
+            home = os.getpid()
+            done = parallel(delayed(_numbered)(function, index, job, home) for index, job in enumerate(jobs))
             try:
                 for index, result in done:
                     yield jobs[index], result
@@ -69,7 +71,9 @@ class Processes:
                 raise WorkerDiedError(str(fault).partition("\n")[0]) from fault
 
 
-def _numbered(function: Callable[[Any], bool], index: int, job: Any) -> tuple[int, bool]:
+def _numbered(function: Callable[[Any], bool], index: int, job: Any, home: int) -> tuple[int, bool]:
+    if os.name == "posix" and os.getppid() != home:  # killed: nobody waits for this, and who resumes would run it too
+        os._exit(1)
     # Progress bars share a lock between processes, a semaphore that an interrupted worker would leave behind.
     tqdm.set_lock(threading.RLock())
     return index, function(job)
