@@ -85,6 +85,13 @@ FAULTS = [
     ("planner.pieces", {"planner": {"period_s": 0.5}}, "at most tracker.forecast = 11 sampling periods"),
     ("limits.range", {"limits": {"range": {}}}, "at least one of nearest_m, farthest_m"),
     ("limits.range.nearest_m", {"limits": {"range": {"nearest_m": 3, "farthest_m": 2}}}, "a number < farthest_m = 2"),
+    (
+        "limits.range.margin_m",
+        {"limits": {"range": {"nearest_m": 3, "farthest_m": 5, "margin_m": 1.0}}},
+        "a number < 1, half of what lies between the limits",
+    ),
+    ("limits.range.margin_m", {"limits": {"range": {"farthest_m": 5, "margin_m": 6.0}}}, "a number < 2.5, half"),
+    ("limits.range.margin_m", {"limits": {"range": {"nearest_m": 3, "margin_m": -1.0}}}, "a number >= 0"),
     ("limits.range.confidence", {"limits": {"range": {"nearest_m": 3, "confidence": 1.0}}}, "a number in [0.5, 1)"),
     ("limits.depth", {"limits": {"depth": {"lowest_m": -9.0, "highest_m": -1.0}}}, "null in 2 dimensions"),
     ("limits.keep_out", {"limits": {"keep_out": [{"radius_m": 2.0}]}}, "centre_m and radius_m, or with corners_m"),

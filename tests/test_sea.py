@@ -8,13 +8,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gbt_ocp.bearings import DesiredBearing
-from gbt_ocp.experiments.build import build_loop, build_vehicle
+from gbt_ocp.experiments.build import build_loop, build_problem, build_vehicle
 from gbt_ocp.experiments.build_desired import orbit_range, reachable_speed, unreachable_bearings
 from gbt_ocp.experiments.faults import ConfigurationError
 from gbt_ocp.experiments.loading import load_config
 from gbt_ocp.guidance.orbit import circling_speed, horizontal_radius, turn_period
 from gbt_ocp.guidance.startup import CrossFirst
 from gbt_ocp.ocp.solvers import options_for
+from gbt_ocp.ocp.target_limits import RangeLimits
 from gbt_ocp.simulation import simulate
 from gbt_ocp.targets import TurningTarget
 from gbt_ocp.tracking.protocol import Forecast
@@ -309,3 +310,13 @@ def test_options_belong_to_the_solver_they_are_written_under(solver, options, co
 def test_options_under_a_solvers_name_are_a_mapping():
     with pytest.raises(ValueError, match=r"solver_options\.ipopt: found 3; allowed: a mapping of option names"):
         options_for("compiled", {"ipopt": 3})
+
+
+def test_plans_keep_a_margin_that_the_run_is_not_judged_by():
+    written = {"problem": "case2", "limits": {"range": {"nearest_m": 20.0, "farthest_m": 50.0, "margin_m": 1.5}}}
+    configuration = load_config(written)
+    vehicle = build_vehicle(configuration)
+    problem = build_problem(configuration, vehicle)
+    (limit,) = [one.constraint for one in problem.penalties if isinstance(one.constraint, RangeLimits)]
+    assert (limit.nearest, limit.farthest) == (21.5, 48.5)
+    assert configuration.standoff == 20.0

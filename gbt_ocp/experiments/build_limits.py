@@ -43,7 +43,9 @@ def _constraints(problem: TrajectoryProblem, configuration: Configuration) -> It
     section, d = configuration.limits, configuration.dimension
     if section.range is not None:
         limit = section.range
-        yield "range", RangeLimits(d, limit.nearest_m, limit.farthest_m, limit.confidence, limit.spread == "forecast")
+        near = None if limit.nearest_m is None else limit.nearest_m + limit.margin_m
+        far = None if limit.farthest_m is None else limit.farthest_m - limit.margin_m
+        yield "range", RangeLimits(d, near, far, limit.confidence, limit.spread == "forecast")
     for zone in section.keep_out:
         if zone.corners_m is not None:
             yield "keep_out", KeepOutPolygon(zone.corners_m)

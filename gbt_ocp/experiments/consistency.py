@@ -130,6 +130,12 @@ def _limits(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Itera
         least, largest = (_number(merged, (*path, name), None) for name in (low, high))
         if least is not None and largest is not None and not least < largest:
             yield Fault((*path, low), shown(least), f"a number < {high} = {largest:.6g}")
+    path = ("limits", "range")
+    near, far, margin = (_number(merged, (*path, name), 0.0) for name in ("nearest_m", "farthest_m", "margin_m"))
+    between = (far or 0.0) - (near or 0.0)
+    if margin is not None and 0.0 < between <= 2.0 * margin:
+        told = f"a number < {0.5 * between:.6g}, half of what lies between the limits"
+        yield Fault((*path, "margin_m"), shown(margin), told)
     if isinstance(value_at(merged, ("limits", "range")), Mapping) and all(
         value_at(merged, ("limits", "range", name)) in (NOTHING, None) for name in ("nearest_m", "farthest_m")
     ):

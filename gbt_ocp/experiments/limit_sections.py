@@ -22,6 +22,10 @@ class RangeLimit(Section):
     confidence: float = key(
         0.95, "Probability with which each of the two is kept.", "a number in [0.5, 1)", ge=0.5, lt=1.0
     )
+    margin_m: float = key(
+        0.0, "By how much plans keep more than what is asked, in m; a run is judged by what is asked.",
+        "a number >= 0, and below half of what lies between nearest_m and farthest_m", ge=0.0,
+    )  # fmt: skip
     spread: Literal["forecast", "present"] = key(
         "forecast",
         "Spread of the posterior ahead: that of the forecast, or the present one, which further bearings will keep.",
