@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -318,6 +320,20 @@ def test_braking_at_rest_stays():
     trajectory, broken = brake(posed(), REST)
     np.testing.assert_allclose(trajectory.endpoints, 0.0, atol=1e-12)
     assert broken.max() == pytest.approx(-1.0)
+
+
+def test_a_piece_that_can_stop_stops_and_nothing_else_is_tried():
+    problem = replace(posed(), pieces=20, period=1.0)
+    check, asked = LimitCheck(problem), []
+
+    def counted(trajectory, limits=()):
+        asked.append(len(trajectory.top))
+        return check(trajectory, limits)
+
+    trajectory = BrakingPlanner(problem, counted)(np.array([[0.0, 0.0, 0.0], [0.5, -0.2, 0.0]]))
+    np.testing.assert_allclose(trajectory.knots[1:, 1], 0.0, atol=1e-12)
+    assert len(asked) == 20
+    assert check(trajectory).max() <= 0.0
 
 
 def test_braking_of_a_cubic_keeps_the_limits_and_ends_slow():

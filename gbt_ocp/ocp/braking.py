@@ -25,6 +25,9 @@ def drift(vehicle: Vehicle, z: Any, dz: Any) -> Any:
 SHARES = (0.0, *(0.5**k for k in range(10, -1, -1)))
 """How far from drifting to stopping: by halves, because a stop may take a thousand times the thrust there is."""
 
+AT_REST = 1e-16
+"""Sum of squares of speeds, over their scales, that counts as none."""
+
 ROUNDS = 12
 """Rounds of the pattern search around the best of the family."""
 
@@ -93,6 +96,9 @@ class BrakingPlanner:
             best, best_key = candidate, key
             return True
 
+        improve(stop)
+        if best_key[:2] == (0.0, 0.0) and best_key[2] < AT_REST:  # nothing ends slower
+            return best
         for share in SHARES:
             # Yaw brakes by its own share: a fast turn and a fast drift need different ones.
             for last_share in (share, 0.0, 0.5, 1.0):
