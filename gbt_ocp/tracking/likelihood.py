@@ -22,6 +22,8 @@ EVALUATIONS = 40
 LONGEST_STEP = 2.0
 """Largest change of the logarithm of a hyperparameter in one step."""
 
+LOG_TWO_PI = float(np.log(2.0 * np.pi))
+
 GAIN = 1.0e-5
 """Expected gain in log likelihood below which tuning stops: far less than would change a posterior visibly."""
 
@@ -90,16 +92,19 @@ class LogLikelihood:
         variance = np.exp(2.0 * log_theta[shapes])
         nugget = np.exp(log_theta[shapes + 1]) if self._nugget is None else self._nugget
         k, derivatives = self._kernel.derivatives(self._lag, log_theta[:shapes])
-        process = variance * self._gram * k
-        diagonal = np.arange(len(process))
-        process[diagonal, diagonal] += variance * nugget
-        omega = process.copy()
-        omega[diagonal, diagonal] += self._variances
-        slopes = [variance * self._gram * dk for dk in derivatives]
-        slopes.append(2.0 * process)
+        scaled = variance * self._gram
+        rows = len(scaled)
+        slopes = np.zeros((len(log_theta), rows, rows))
+        for slope, dk in zip(slopes, derivatives, strict=False):
+            np.multiply(scaled, dk, out=slope)
+        omega = scaled * k
+        diagonal = np.einsum("ii->i", omega)  # a view
+        diagonal += variance * nugget
+        np.multiply(omega, 2.0, out=slopes[shapes])
+        diagonal += self._variances
         if self._nugget is None:
-            slopes.append(np.diag(np.full(len(process), variance * nugget)))
-        return gaussian_expansion(self._values, omega, np.array(slopes))
+            np.einsum("ii->i", slopes[-1])[:] = variance * nugget
+        return gaussian_expansion(self._values, omega, slopes)
 
 
 class Likelihood(Protocol):
@@ -132,11 +137,13 @@ def gaussian_expansion(values: Array, omega: Array, slopes: Array) -> tuple[floa
     count, rows, _ = slopes.shape
     factor = cholesky(omega)
     weights = lapack.dpotrs(factor, values, lower=1)[0]
-    value = -0.5 * (values @ weights + rows * np.log(2.0 * np.pi)) - np.log(factor.diagonal()).sum()
+    value = -0.5 * (values @ weights + rows * LOG_TWO_PI) - np.log(factor.diagonal()).sum()
     # all right-hand sides at once; what comes out of them in this order are the W_iᵀ
-    relative = lapack.dpotrs(factor, slopes.reshape(-1, rows).T, lower=1)[0].T.reshape(slopes.shape)
-    gradient = 0.5 * ((slopes @ weights) @ weights - np.trace(relative, axis1=1, axis2=2))
-    information = 0.5 * relative.reshape(count, -1) @ np.swapaxes(relative, 1, 2).reshape(count, -1).T
+    relative = lapack.dpotrs(factor, slopes.reshape(-1, rows).T, lower=1)[0].T.reshape(count, -1)
+    # tr(W_i W_j) is the sum of the products of W_iᵀ's entries with those of W_j
+    turned = relative.reshape(slopes.shape).swapaxes(1, 2).reshape(count, -1)
+    gradient = 0.5 * ((slopes @ weights) @ weights - relative[:, :: rows + 1].sum(axis=1))
+    information = 0.5 * (relative @ turned.T)
     return float(value), gradient, information
 
 
@@ -165,22 +172,36 @@ def maximise(
         free = (high > low) & ~((theta <= low) & (gradient <= 0.0)) & ~((theta >= high) & (gradient >= 0.0))
         if not free.any():
             break
-        inner = np.ix_(free, free)
-        curvature = information[inner] + (damping + 1e-9 * (1.0 + information[inner].max())) * np.eye(int(free.sum()))
-        step = np.zeros_like(theta)
-        step[free] = np.linalg.solve(curvature, gradient[free])
+        step = _scoring_step(information, gradient, free, damping)
         # as far as a quadratic in the logarithms can be trusted
         step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-300))
         if float(gradient @ step) < GAIN:
             break
-        trial = np.clip(theta + step, low, high)
+        trial = np.minimum(np.maximum(theta + step, low), high)
         there = _posterior_expansion(likelihood, trial, priors)
         if there is not None and there[0] > value:
             theta, damping = trial, damping / 4.0 if damping > 1e-3 else 0.0
             value, gradient, information = there
         else:
-            damping = max(4.0 * damping, 0.3 * float(np.diag(information)[free].max()))
+            damping = max(4.0 * damping, 0.3 * float(information.diagonal()[free].max()))
     return theta
+
+
+def _scoring_step(information: Array, gradient: Array, free: NDArray[np.bool_], damping: float) -> Array:
+    """The damped step of the free parameters, zero in the others ``(p,)``."""
+    everything = bool(free.all())
+    curvature = information.copy() if everything else information[np.ix_(free, free)]
+    diagonal = np.einsum("ii->i", curvature)  # a view
+    diagonal += damping + 1e-9 * (1.0 + curvature.max())
+    # straight to LAPACK: for two or three parameters numpy's checks take longer than the solution
+    found, fault = lapack.dgesv(curvature, gradient if everything else gradient[free])[2:]
+    if fault != 0:
+        raise np.linalg.LinAlgError("Singular matrix")
+    if everything:
+        return np.asarray(found)
+    step = np.zeros_like(gradient)
+    step[free] = found
+    return step
 
 
 def likelier(likelihood: Likelihood, first: Array, second: Array, priors: Sequence[LogNormal | None]) -> Array:
