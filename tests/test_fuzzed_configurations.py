@@ -124,13 +124,18 @@ def test_sweeps(tmp_path, examples):
         assert len(plan) >= 2
         return "accepted"
 
-    keys = st.sampled_from(["tracker.window", "sensor.period_s", "planner.nodes", "seed", "tracker"])
-    values = st.lists(st.sampled_from(["5", "0.1", "-1", "gp", "{kind: ekf}", ".nan", "[1"]), max_size=2).map(",".join)
-    grids = st.one_of(st.tuples(keys, values).map("=".join), st.text(max_size=8))
-    entries = st.lists(st.sampled_from(["tracker.forecast: 12", "tracker: {forecast: 20}", "x: 1", "a"]), max_size=2)
-    counts = fuzz(st.tuples(grids, entries, st.none() | texts()), judged, examples)
-    assert counts["refused"] > 0
-    assert counts["accepted"] > 0
+    keys = st.sampled_from(
+        ["tracker.window", "duration_s", "planner.nodes"] * 3 + ["seed", "tracker", "sensor.period_s"]
+    )
+    some = st.sampled_from(["5", "7", "12", "20"] * 6 + ["0.1", "-1", "gp", "{kind: ekf}", ".nan", "[1", "1e30"])
+    grids = st.tuples(keys, st.lists(some, min_size=1, max_size=2).map(",".join)).map("=".join)
+    entries = st.lists(
+        st.sampled_from(["tracker.forecast: 12", "tracker: {forecast: 20}"] * 5 + ["x: 1", "a"]), min_size=1, max_size=2
+    )
+    grids = st.one_of(grids, grids, grids, grids, st.text(max_size=8))
+    lists = st.integers(0, 5).flatmap(lambda k: texts() if k == 0 else st.none())
+    counts = fuzz(st.tuples(grids, entries, lists), judged, examples)
+    assert min(counts["refused"], counts["accepted"]) > 0.1 * examples
 
 
 def shortened(tree, law):
@@ -212,6 +217,12 @@ FOUND = [
     (["seed=!!timestamp x"], "--set seed", "YAML"),
     (["a\nb=1"], "a\\nb", "name, problem"),
     ([f"seed={'[' * 1000}"], "--set seed", "YAML"),
+    ([f"problem={'a' * 3000}"], "problem", "a path to an existing .py file"),
+    ([f"problem={'a' * 3000}.py"], "problem", "a path to an existing .py file"),
+    (['problem="a\\0.py"'], "problem", "a path to an existing .py file"),
+    (["problem=~nobody-of-this-name/x.py"], "problem", "a path to an existing .py file"),
+    ([f"target={{kind: track, path: {'a' * 3000}}}"], "target.path", "a CSV file with the columns"),
+    (['target={kind: track, path: "\\0"}'], "target.path", "a CSV file with the columns"),
 ]
 
 
@@ -223,6 +234,13 @@ def test_what_the_fuzz_found_is_refused_in_one_line(overrides, where, allowed):
     (line,) = caught.value.faults
     assert where in line
     assert allowed in line
+
+
+@pytest.mark.parametrize("name", ["a" * 3000, "\0", "~nobody-of-this-name/x", "\ud800.yaml"])
+def test_a_name_that_no_file_can_have_is_no_such_file(name):
+    with pytest.raises(ConfigurationError, match="found no such file") as caught:
+        load_config(name)
+    check_lines(caught.value.faults)
 
 
 def test_a_track_too_short_is_refused_where_null_is_written_out():

@@ -9,6 +9,7 @@ import traceback
 from functools import lru_cache
 from pathlib import Path
 
+from gbt_ocp.experiments.dialect import shortened
 from gbt_ocp.experiments.problem import TrackingProblem
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -59,6 +60,24 @@ def config_description(name: str) -> str:
     return next(line.removeprefix("#").strip() for line in lines if not line.startswith(SCHEMA_LINE))
 
 
+def resolved(text: str | Path, folder: Path | None = None) -> Path | None:
+    """Absolute path of a text, ``None`` if no file can have that name: too long, a NUL, no such user.
+
+    Parameters
+    ----------
+    text
+        A path as the user wrote it.
+    folder
+        Where a relative one is looked up first; then in the current folder.
+    """
+    try:
+        given = Path(text).expanduser()
+        beside = given if folder is None else folder / given
+        return (beside if beside.exists() else given).resolve()
+    except (OSError, ValueError, RuntimeError):
+        return None
+
+
 def problem_path(problem: str) -> Path:
     """File of a problem given by its shipped name or by a path that ends in ``.py``.
 
@@ -70,9 +89,12 @@ def problem_path(problem: str) -> Path:
     names = problem_names()
     if problem in names:
         return problems_folder() / f"{problem}.py"
-    if problem.endswith(".py") and Path(problem).expanduser().is_file():
-        return Path(problem).expanduser().resolve()
-    raise ProblemError(f"found {problem!r}; allowed: {', '.join(names)}, or a path to an existing .py file")
+    path = resolved(problem) if problem.endswith(".py") else None
+    if path is not None and path.is_file():
+        return path
+    raise ProblemError(
+        f"found {shortened(repr(problem))}; allowed: {', '.join(names)}, or a path to an existing .py file"
+    )
 
 
 def load_problem(problem: str) -> TrackingProblem:

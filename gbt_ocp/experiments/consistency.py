@@ -7,9 +7,9 @@ instead of after them; a value of the wrong type is left to the models.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
+from gbt_ocp.experiments import catalogue
 from gbt_ocp.experiments.configuration import Configuration, Planner, Sensor
 from gbt_ocp.experiments.extremes import MOST_BINS, MOST_DRAWS, MOST_STEPS, is_moderate, too_many
 from gbt_ocp.experiments.faults import NOTHING, Fault, kinds, shown, union_of, value_at
@@ -178,8 +178,8 @@ def _track(merged: Mapping[str, Any], dimension: int) -> Iterator[Fault]:
     target = merged.get("target")
     if not isinstance(target, Mapping) or target.get("kind") != "track" or not isinstance(target.get("path"), str):
         return
-    path, wanted = Path(target["path"]), f"a CSV file with the columns {'t,x,y,z'[: 2 * dimension + 1]}"
-    if not path.is_file():
+    path, wanted = catalogue.resolved(target["path"]), f"a CSV file with the columns {'t,x,y,z'[: 2 * dimension + 1]}"
+    if path is None or not path.is_file():
         yield Fault(("target", "path"), f"{shown(target['path'])}, which is not a file", wanted)
         return
     try:

@@ -77,6 +77,11 @@ def printable(text: str) -> str:
     return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text)
 
 
+def shortened(text: str) -> str:
+    """At most 80 characters of a text."""
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
 def _one_line(problem: object) -> str:
     """What a library says, on one line; nothing but the name of an exception that says what only its author knows."""
     if isinstance(problem, Exception) and not isinstance(problem, ValueError):

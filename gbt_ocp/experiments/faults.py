@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from gbt_ocp.experiments.configuration import Configuration
-from gbt_ocp.experiments.dialect import printable
+from gbt_ocp.experiments.dialect import printable, shortened
 
 
 class ConfigurationError(ValueError):
@@ -67,11 +67,6 @@ def shown(value: Any) -> str:
         return "nothing"
     text = json.dumps(value, ensure_ascii=False, default=str)
     return shortened(text)
-
-
-def shortened(text: str) -> str:
-    """At most 80 characters of a text."""
-    return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 def with_sizes(allowed: str, sizes: Mapping[str, int]) -> str:

@@ -132,10 +132,12 @@ def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, Path, str | None
         allowed = "a name, a path, or a mapping"
         raise ConfigurationError([f"configuration: found a {type(source).__name__}; allowed: {allowed}"])
     shipped = catalogue.config_path(source) if isinstance(source, str) else None
-    path = shipped or Path(source).expanduser()
-    if not path.is_file():
+    found = shipped or catalogue.resolved(source)
+    if found is None or not found.is_file():
         names = ", ".join(catalogue.config_names())
-        raise ConfigurationError([f"{source}: found no such file; allowed: {names}, or a path to a YAML or .py file"])
+        wanted = f"{names}, or a path to a YAML or .py file"
+        raise ConfigurationError([f"{dialect.shortened(str(source))}: found no such file; allowed: {wanted}"])
+    path = shipped or Path(source).expanduser()
     if path.suffix == ".py":  # a problem with all its defaults
         return str(path), Path.cwd(), path.stem, {"problem": str(path.resolve())}
     try:
@@ -253,9 +255,8 @@ def _resolve_track(values: dict[str, Any], folder: Path) -> None:
 
 def _absolute(path: str, folder: Path) -> str:
     """A relative path is looked up beside the file that names it, then in the current folder."""
-    given = Path(path).expanduser()
-    beside = folder / given
-    return str(beside.resolve() if beside.exists() else given.resolve())
+    found = catalogue.resolved(path, folder)
+    return path if found is None else str(found)
 
 
 def _known_sizes(merged: Mapping[str, Any], problem: TrackingProblem | None) -> dict[str, int]:

@@ -11,7 +11,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gbt_ocp.experiments.faults import ConfigurationError
+from gbt_ocp.experiments.dialect import shortened
+from gbt_ocp.experiments.extremes import LARGEST
+from gbt_ocp.experiments.faults import ConfigurationError, shown
 
 Array = NDArray[np.float64]
 
@@ -82,7 +84,9 @@ def read_log(path: Path, bearing_from: Literal["x", "north"], latency: float = 0
     wanted = ["t", *(f"own_{axis}" for axis in axes), angle, *([elevation] if elevation else [])]
     missing = [name for name in wanted if name not in names]
     if missing:
-        raise ConfigurationError([f"{path}: found the columns {', '.join(names)}; missing: {', '.join(missing)}"])
+        raise ConfigurationError(
+            [f"{path}: found the columns {shortened(', '.join(names))}; missing: {', '.join(missing)}"]
+        )
     truths = [f"true_{axis}" for axis in axes]
     known = all(name in names for name in truths)
     table = _numbers(path, names, rows, wanted, truths if known else [])
@@ -127,13 +131,17 @@ def _cells(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
         with path.open(encoding="utf-8-sig", newline="") as file:
             reader = csv.reader(file)
             header = next(reader, [])
-            rows = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+            rows, line = [], reader.line_num + 1
+            for row in reader:
+                if any(cell.strip() for cell in row):
+                    rows.append((line, row))
+                line = reader.line_num + 1  # where the next row begins: a quote may hold line ends
     except (OSError, UnicodeDecodeError, csv.Error) as fault:
         raise ConfigurationError([f"{path}: found a log that cannot be read ({fault}); allowed: a CSV file"]) from fault
     names = [name.strip() for name in header]
     twice = sorted({name for name in names if name and names.count(name) > 1})
     if twice:
-        raise ConfigurationError([f"{path}: found the column {twice[0]} twice; allowed: each once"])
+        raise ConfigurationError([f"{path}: found the column {shortened(twice[0])} twice; allowed: each once"])
     if len(rows) < 2:
         raise ConfigurationError([f"{path}: found {len(rows)} rows below the header; allowed: at least 2"])
     return names, rows
@@ -143,7 +151,10 @@ def _angle(path: Path, names: list[str], what: str) -> str:
     found = [name for name in (f"{what}_rad", f"{what}_deg") if name in names]
     if len(found) != 1:
         raise ConfigurationError(
-            [f"{path}: found the columns {', '.join(names)}; allowed: one of {what}_rad, {what}_deg among them"]
+            [
+                f"{path}: found the columns {shortened(', '.join(names))}; "
+                f"allowed: one of {what}_rad, {what}_deg among them"
+            ]
         )
     return found[0]
 
@@ -164,8 +175,9 @@ def _numbers(
                 table[k, i] = float(text)
             except ValueError:
                 table[k, i] = math.nan
-            if not math.isfinite(table[k, i]):
-                faults.append(f"{path}: line {line}: {names[column]}: found {text!r}; allowed: a finite number")
+            if not abs(table[k, i]) <= LARGEST:  # NaN is not
+                allowed = f"a finite number of a size up to {LARGEST:g}"
+                faults.append(f"{path}: line {line}: {names[column]}: found {shown(text)}; allowed: {allowed}")
     if faults:
         rest = len(faults) - MOST_FAULTS
         raise ConfigurationError([*faults[:MOST_FAULTS], *([f"{path}: and {rest} more"] if rest > 0 else [])])

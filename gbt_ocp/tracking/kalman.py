@@ -45,7 +45,8 @@ def predicted(mean: Array, covariance: Array, transition: Array, noise: Array) -
 def updated(mean: Array, covariance: Array, observation: Array, noise: Array, value: Array) -> Update:
     """Condition on ``value = H x + noise``.
 
-    Joseph's form keeps the covariance positive definite whatever the round-off in the gain.
+    Joseph's form, of a square root of the covariance, keeps it positive semidefinite whatever the round-off: also where
+    a gap of years has made it 1e25 m².
 
     Parameters
     ----------
@@ -63,10 +64,20 @@ def updated(mean: Array, covariance: Array, observation: Array, noise: Array, va
     spread = symmetric(cross @ np.swapaxes(observation, -1, -2) + noise)
     gain = np.swapaxes(np.linalg.solve(spread, cross), -1, -2)
     kept = np.eye(mean.shape[-1]) - gain @ observation
-    after = kept @ covariance @ np.swapaxes(kept, -1, -2) + gain @ noise @ np.swapaxes(gain, -1, -2)
+    root = kept @ _root(covariance)
+    after = root @ np.swapaxes(root, -1, -2) + gain @ noise @ np.swapaxes(gain, -1, -2)
     whitened = np.linalg.solve(spread, innovation[..., None])[..., 0]
     _, log_determinant = np.linalg.slogdet(spread)
     log_likelihood = -0.5 * (
         np.sum(innovation * whitened, axis=-1) + log_determinant + innovation.shape[-1] * np.log(2.0 * np.pi)
     )
     return Update(mean + (gain @ innovation[..., None])[..., 0], symmetric(after), log_likelihood, spread)
+
+
+def _root(covariance: Array) -> Array:
+    """L with ``L Lᵀ`` the covariance ``(..., n, n)``, whose negative eigenvalues are taken for round-off."""
+    try:
+        return np.asarray(np.linalg.cholesky(covariance))
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(covariance)
+        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
