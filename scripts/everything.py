@@ -65,7 +65,6 @@ BENCHMARKS = (
         minutes=2.5,
     ),
     benchmark("solver", "--study", "cold", "--ipopt", "250", name="solver_cold", minutes=3.5),
-    benchmark("planner_peers", "--figure", f"{OUT}/planner_peers.png"),
     benchmark("shooting", "--study", "gap,starts,reach", "--problems", "200", "--out", OUT, name="shooting"),
     benchmark("shooting", "--study", "loop", "--out", f"{OUT}/runs", name="shooting_loop"),
     benchmark("shooting_figure", f"{OUT}/../shooting_loop/runs", f"{OUT}/shooting_reach.png"),
@@ -76,7 +75,10 @@ BENCHMARKS = (
     benchmark("recorded_tracks", TRACKS, "--seeds", "3"),
     Job("sea_run", ("-m", "gbt_ocp.cli", "run", "sea2d", "--quiet", "--out", f"{OUT}/run")),
     benchmark("sea_figure", f"{OUT}/../sea_run/run", "--out", f"{OUT}/sea2d.png"),
-    benchmark("sea_open_loop", "sea2d", "sea3d"),
+    benchmark(
+        "sea_open_loop",
+        *("sea2d", "sea2d_speed", "sea3d", "sea3d_speed", "--seeds", "6", "--out", f"{OUT}/open_loop.jsonl"),
+    ),
     benchmark(
         "sea_closed_loop",
         *("sea2d", "sea3d", "sea2d_speed", "sea3d_speed", "--seeds", "20", "--out", f"{OUT}/sea"),

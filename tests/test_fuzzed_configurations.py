@@ -104,7 +104,7 @@ def test_damaged_text(tmp_path, examples):
 @few_and_many(100, 3000)
 def test_set_lines(examples):
     counts = fuzz(overrides(), lambda pair: outcome(lambda: load_config(*pair)), examples)
-    assert min(counts["refused"], counts["accepted"]) > 0.1 * examples
+    assert min(counts["refused"], counts["accepted"]) > 0.05 * examples
 
 
 @few_and_many(60, 500)
@@ -125,17 +125,19 @@ def test_sweeps(tmp_path, examples):
         return "accepted"
 
     keys = st.sampled_from(
-        ["tracker.window", "duration_s", "planner.nodes"] * 3 + ["seed", "tracker", "sensor.period_s"]
+        ["tracker.window", "duration_s", "planner.nodes"] * 8 + ["seed", "tracker", "sensor.period_s"]
     )
-    some = st.sampled_from(["5", "7", "12", "20"] * 6 + ["0.1", "-1", "gp", "{kind: ekf}", ".nan", "[1", "1e30"])
+    some = st.sampled_from(["5", "7", "12", "20"] * 15 + ["0.1", "-1", "gp", "{kind: ekf}", ".nan", "[1", "1e30"])
     grids = st.tuples(keys, st.lists(some, min_size=1, max_size=2).map(",".join)).map("=".join)
     entries = st.lists(
-        st.sampled_from(["tracker.forecast: 12", "tracker: {forecast: 20}"] * 5 + ["x: 1", "a"]), min_size=1, max_size=2
+        st.sampled_from(["tracker.forecast: 12", "tracker: {forecast: 20}"] * 12 + ["x: 1", "a"]),
+        min_size=1,
+        max_size=2,
     )
     grids = st.one_of(grids, grids, grids, grids, st.text(max_size=8))
     lists = st.integers(0, 5).flatmap(lambda k: texts() if k == 0 else st.none())
     counts = fuzz(st.tuples(grids, entries, lists), judged, examples)
-    assert min(counts["refused"], counts["accepted"]) > 0.1 * examples
+    assert min(counts["refused"], counts["accepted"]) > 0.05 * examples
 
 
 def shortened(tree, law):
