@@ -70,6 +70,8 @@ BENCHMARKS = (
     benchmark("shooting_figure", f"{OUT}/../shooting_loop/runs", f"{OUT}/shooting_reach.png"),
     benchmark("planner_peers", "--seconds", "30", "--figure", f"{OUT}/planner_peers.png"),
     benchmark("filter_noise"),
+    benchmark("growth", "--figure", f"{OUT}/growth.png", minutes=1.0),
+    benchmark("generated_c", "--seeds", "3", minutes=1.5),
     benchmark("sweep_rate"),
     benchmark("closed_loop", "--seeds", "10", "--jobs", "2", "--out", f"{OUT}/results.md"),
     benchmark("recorded_tracks", TRACKS, "--seeds", "3"),
