@@ -152,3 +152,19 @@ def test_damaged_logs(tmp_path, tables, examples):
     print(dict(counts))
     assert min(counts.values()) > 0.15 * examples
     assert len(counts) == 2
+
+
+def test_an_unclosed_quote_is_named_where_it_stands(tmp_path, tables):
+    path = tmp_path / "log.csv"
+    path.write_bytes(spoilt(tables[0], [("cell", 1, 0, '"')], ",", "\n", "utf-8"))
+    with pytest.raises(ConfigurationError) as caught:
+        replay(path, QUICK, bearing_from="x")
+    # the damaged cell is in the second row below the header: line 3
+    assert caught.value.faults[0].startswith(f'{path}: line 3: t: found ",a,')
+    assert judged(path) == "refused"
+
+
+def test_a_gap_of_thirty_years_leaves_a_covariance(tmp_path, tables):
+    path = tmp_path / "log.csv"
+    path.write_bytes(spoilt(tables[0], [("cell", 0, 0, "-1e9")], ",", "\n", "utf-8"))
+    assert judged(path) == "replayed"
