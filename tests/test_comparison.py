@@ -212,6 +212,20 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path, jobs):
     assert not list(parts.glob(".*"))
 
 
+@pytest.mark.skipif(os.name != "posix", reason="sends a signal")
+def test_ctrl_c_while_problems_are_drawn_is_not_lost(tmp_path, monkeypatch):
+    def pressed(*arguments):
+        os.kill(os.getpid(), signal.SIGINT)
+        return draw(*arguments)
+
+    monkeypatch.setattr("gbt_ocp.experiments.comparison.carrying_out.draw", pressed)
+    with pytest.raises(comparing.ComparisonInterruptedError, match=r"1 of 1 tasks are finished and kept"):
+        gbt.compare(
+            "case2", formulations=["hard"], solvers=["ipopt"], runs=1, problems=2, out=tmp_path / "out", jobs=1,
+            overrides=["duration_s=0.4", "planner.pieces=2"],
+        )  # fmt: skip
+
+
 class Fails:
     """A solver that never succeeds."""
 

@@ -23,6 +23,7 @@ from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.experiments.faults import ConfigurationError
 from gbt_ocp.experiments.guidance_sections import PlannerGuidance
 from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.run import interrupted_between_steps
 from gbt_ocp.experiments.sweep.engines import make_engine
 from gbt_ocp.ocp.codegen.building import find_compiler
 
@@ -111,7 +112,7 @@ def compare(
     with _progress(progress) as bar:
         first = recordings(plan)
         _carry_out(first, plan, folder, jobs, bar)
-        tasks = measurements(plan, gather_problems(plan, folder))
+        tasks = measurements(plan, _gathered(plan, folder, bar))
         _carry_out(tasks, plan, folder, jobs, bar)
     tables = _tables(plan, folder, tasks)
     tables["costs"] = summaries.costs([*first, *tasks], costs(folder))
@@ -191,6 +192,24 @@ def _progress(shown: bool) -> Any:
     return tqdm(disable=not shown, file=sys.stderr, unit="task", desc="compare", total=0)
 
 
+def _gathered(plan: Plan, folder: Path, bar: Any) -> list[int]:
+    # drawing problems calls CasADi, which would swallow Ctrl-C
+    try:
+        with interrupted_between_steps() as check:
+            sizes = gather_problems(plan, folder)
+            check()
+    except KeyboardInterrupt as fault:
+        raise _interrupted(folder, bar) from fault
+    return sizes
+
+
+def _interrupted(folder: Path, bar: Any) -> ComparisonInterruptedError:
+    kept = sum(not path.name.startswith(".") for path in (folder / PARTS).iterdir())
+    return ComparisonInterruptedError(
+        f"{kept} of {bar.total} tasks are finished and kept in {folder}; the same command goes on with them"
+    )
+
+
 def _carry_out(tasks: list[Task], plan: Plan, folder: Path, jobs: int | None, bar: Any) -> None:
     missing = [task for task in tasks if not (folder / PARTS / task.name).is_file()]
     bar.total += len(tasks)
@@ -205,10 +224,7 @@ def _carry_out(tasks: list[Task], plan: Plan, folder: Path, jobs: int | None, ba
                 bar.set_postfix_str(re.sub(r"\.\w+$", "", task.name), refresh=False)
                 bar.update()
     except KeyboardInterrupt as fault:
-        kept = sum(not path.name.startswith(".") for path in (folder / PARTS).iterdir())
-        raise ComparisonInterruptedError(
-            f"{kept} of {bar.total} tasks are finished and kept in {folder}; the same command goes on with them"
-        ) from fault
+        raise _interrupted(folder, bar) from fault
 
 
 def _tables(plan: Plan, folder: Path, tasks: list[Task]) -> dict[str, list[Row]]:
