@@ -195,7 +195,11 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path, jobs):
         sys.executable, "-m", "gbt_ocp.cli", "compare", "case2", "--formulations", "hard", "--solvers", "ipopt",
         "--runs", "2", "--problems", "4", "--set", "duration_s=6", "--out", str(tmp_path / "out"), "--jobs", jobs,
     ]  # fmt: skip
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        # what a shell starts in the background ignores Ctrl-C, and so would its children
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
     parts = tmp_path / "out" / "parts"
     patience = time.monotonic() + 120.0
     while not (parts.is_dir() and list(parts.glob("record-*"))):
