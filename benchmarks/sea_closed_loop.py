@@ -61,8 +61,9 @@ def overrides(configuration: str, tracker: str, **changes: Any) -> dict[str, Any
     """Keys of a run: the tracker as shipped, or a rival with the same forecast."""
     if tracker == "motion_gp":
         return {}
-    forecast = gbt.load_config(configuration).tracker
-    return {"tracker": {**RIVALS[tracker], "forecast": forecast.forecast, "forecast_period_s": 1.0, **changes}}
+    shipped = gbt.load_config(configuration).tracker
+    same = {"forecast": shipped.forecast, "forecast_period_s": shipped.forecast_period_s}
+    return {"tracker": {**RIVALS[tracker], **same, **changes}}
 
 
 def line(name: list[str], rows: list[dict[str, Any]]) -> str:

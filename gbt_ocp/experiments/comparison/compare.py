@@ -111,9 +111,18 @@ def compare(
     folder = _folder(plan, out)
     with _progress(progress) as bar:
         first = recordings(plan)
-        _carry_out(first, plan, folder, jobs, bar)
-        tasks = measurements(plan, _gathered(plan, folder, bar))
-        _carry_out(tasks, plan, folder, jobs, bar)
+        try:
+            _carry_out(first, plan, folder, jobs, bar)
+            with interrupted_between_steps() as check:  # drawing problems calls CasADi, which would swallow Ctrl-C
+                sizes = gather_problems(plan, folder)
+                check()
+            tasks = measurements(plan, sizes)
+            _carry_out(tasks, plan, folder, jobs, bar)
+        except KeyboardInterrupt as fault:
+            kept = sum(not path.name.startswith(".") for path in (folder / PARTS).iterdir())
+            raise ComparisonInterruptedError(
+                f"{kept} of {bar.total} tasks are finished and kept in {folder}; the same command goes on with them"
+            ) from fault
     tables = _tables(plan, folder, tasks)
     tables["costs"] = summaries.costs([*first, *tasks], costs(folder))
     (folder / TABLES).mkdir(exist_ok=True)
@@ -192,24 +201,6 @@ def _progress(shown: bool) -> Any:
     return tqdm(disable=not shown, file=sys.stderr, unit="task", desc="compare", total=0)
 
 
-def _gathered(plan: Plan, folder: Path, bar: Any) -> list[int]:
-    # drawing problems calls CasADi, which would swallow Ctrl-C
-    try:
-        with interrupted_between_steps() as check:
-            sizes = gather_problems(plan, folder)
-            check()
-    except KeyboardInterrupt as fault:
-        raise _interrupted(folder, bar) from fault
-    return sizes
-
-
-def _interrupted(folder: Path, bar: Any) -> ComparisonInterruptedError:
-    kept = sum(not path.name.startswith(".") for path in (folder / PARTS).iterdir())
-    return ComparisonInterruptedError(
-        f"{kept} of {bar.total} tasks are finished and kept in {folder}; the same command goes on with them"
-    )
-
-
 def _carry_out(tasks: list[Task], plan: Plan, folder: Path, jobs: int | None, bar: Any) -> None:
     missing = [task for task in tasks if not (folder / PARTS / task.name).is_file()]
     bar.total += len(tasks)
@@ -218,13 +209,10 @@ def _carry_out(tasks: list[Task], plan: Plan, folder: Path, jobs: int | None, ba
         return
     work: Callable[[Task], bool] = CarryOut(plan, folder, os.getpid())
     finished: Any = make_engine(jobs if len(missing) > 1 else 1, None).map(work, missing)
-    try:
-        with closing(finished):
-            for task, _ in finished:
-                bar.set_postfix_str(re.sub(r"\.\w+$", "", task.name), refresh=False)
-                bar.update()
-    except KeyboardInterrupt as fault:
-        raise _interrupted(folder, bar) from fault
+    with closing(finished):
+        for task, _ in finished:
+            bar.set_postfix_str(re.sub(r"\.\w+$", "", task.name), refresh=False)
+            bar.update()
 
 
 def _tables(plan: Plan, folder: Path, tasks: list[Task]) -> dict[str, list[Row]]:
