@@ -37,7 +37,7 @@ def draw(shown: Mapping[str, Sequence[Any]], target: Path) -> None:
     left.set_xlim(right=4.0 * left.get_xlim()[1])
     left.legend(frameon=False, fontsize="small", loc="upper right")
     right.axvline(0.0, color="0.5", linestyle=":")
-    right.set(xlabel="objective minus compiled's (of 5)")
+    right.set(xlabel="objective minus the first row's (of 5)")
     for axes in (left, right):
         axes.grid(alpha=0.3, axis="x")
     figure.savefig(target, dpi=200)

@@ -6,7 +6,7 @@
 #include "gbt_riccati.h"
 #include "gbt_slacks.h"
 
-enum { N = GBT_PIECES * GBT_FLAT };
+enum { N = GBT_PIECES * GBT_FREE };
 
 static gbt_workspace work;
 
@@ -17,7 +17,7 @@ static double lagrangian(const double *start, const double *x, const double *lam
 {
     static double y[GBT_SIDES];
     for (int a = 0; a < GBT_STATE; a++) work.piece[0][a / GBT_FLAT][a % GBT_FLAT] = start[a];
-    for (int a = 0; a < N; a++) work.piece[a / GBT_FLAT][GBT_DEGREE][a % GBT_FLAT] = x[a];
+    for (int a = 0; a < N; a++) *gbt_free(work.piece[a / GBT_FREE], a % GBT_FREE) = x[a];
     gbt_propagate(work.piece, GBT_PIECES);
     double sum = gbt_evaluate(&work, work.piece, y);
     for (int k = 0; k < GBT_COUNT; k++) sum += lambda[k] * y[k];
@@ -31,18 +31,18 @@ static void gradient(const double *start, const double *x, const double *lambda,
     gbt_differentiate(&work);
     for (int a = 0; a < GBT_PIECES * GBT_PIECE; a++) (&pull[0][0][0])[a] = (&work.gradient[0][0][0])[a];
     gbt_pull_back(&work, lambda, pull);
-    gbt_adjoint(pull, GBT_PIECES, (gbt_real(*)[GBT_FLAT])out);
+    gbt_adjoint(pull, GBT_PIECES, (gbt_real(*)[GBT_FREE])out);
 }
 
 /* work.step as the change of the trajectory for a change dx of the L-th derivatives. */
 static void spread(const double *dx)
 {
     for (int a = 0; a < GBT_STATE; a++) work.step[0][a / GBT_FLAT][a % GBT_FLAT] = 0;
-    for (int a = 0; a < N; a++) work.step[a / GBT_FLAT][GBT_DEGREE][a % GBT_FLAT] = dx[a];
+    for (int a = 0; a < N; a++) *gbt_free(work.step[a / GBT_FREE], a % GBT_FREE) = dx[a];
     gbt_propagate(work.step, GBT_PIECES);
 }
 
-/* The Hessian with respect to all L-th derivatives, dense, from the ones of the pieces. */
+/* The Hessian with respect to all that is free, dense, from the ones of the pieces. */
 static void dense(double delta, double h[N][N])
 {
     static double change[N][GBT_PIECES][GBT_PIECE], rates[N][GBT_PIECES][GBT_FLAT];
@@ -62,9 +62,14 @@ static void dense(double delta, double h[N][N])
             h[a][b] = 0;
             for (int i = 0; i < GBT_PIECES; i++)
                 for (int j = 0; j < GBT_FLAT; j++) {
-                    const double unit = gbt_input_scale[j] * pow(GBT_PERIOD, GBT_DEGREE - 1);
+                    const double unit = gbt_input_scale[j] * pow(GBT_PERIOD, GBT_JOINED - 1);
                     h[a][b] += delta / (unit * unit) * rates[a][i][j] * rates[b][i][j];
                 }
+            /* what is free above the lowest order is damped by itself */
+            if (a == b && a % GBT_FREE >= GBT_FLAT) {
+                const double size = gbt_input_scale[a % GBT_FREE];
+                h[a][b] += delta / (size * size);
+            }
             for (int i = 0; i < GBT_PIECES; i++)
                 for (int k = 0; k < GBT_PIECE; k++)
                     for (int l = 0; l < GBT_PIECE; l++)
@@ -109,7 +114,7 @@ static void draw(int seed, const double *parameters)
     work.moving = parameters + GBT_LIMIT_NUMBERS;
     work.tightening = 0;
     for (int a = 0; a < GBT_STATE; a++) start[a] = uniform();
-    for (int a = 0; a < N; a++) x[a] = uniform() * gbt_input_scale[a % GBT_FLAT];
+    for (int a = 0; a < N; a++) x[a] = uniform() * gbt_input_scale[a % GBT_FREE];
     for (int k = 0; k < GBT_COUNT; k++) lambda[k] = 1 + uniform();
 }
 
@@ -120,7 +125,7 @@ double check_gradient(int seed, const double *parameters)
     draw(seed, parameters);
     gradient(start, x, lambda, g);
     for (int a = 0; a < N; a++) {
-        const double step = 1e-5 * gbt_input_scale[a % GBT_FLAT], at = x[a];
+        const double step = 1e-5 * gbt_input_scale[a % GBT_FREE], at = x[a];
         x[a] = at + step;
         const double above = lagrangian(start, x, lambda);
         x[a] = at - step;
@@ -152,7 +157,7 @@ double check_hessian(int seed, const double *parameters)
         for (int k = 0; k < GBT_COUNT; k++) dys[a][k] = work.dy[k];
     }
     for (int a = 0; a < N; a++) {
-        const double step = 1e-5 * gbt_input_scale[a % GBT_FLAT], at = x[a];
+        const double step = 1e-5 * gbt_input_scale[a % GBT_FREE], at = x[a];
         x[a] = at + step;
         gradient(start, x, lambda, above);
         x[a] = at - step;
@@ -187,7 +192,7 @@ double check_step(int seed, const double *parameters)
     gbt_newton_step(&work, pull);
     eliminate(h, g);
     for (int a = 0; a < N; a++) {
-        worst = fmax(worst, fabs(work.step[a / GBT_FLAT][GBT_DEGREE][a % GBT_FLAT] + g[a]));
+        worst = fmax(worst, fabs(*gbt_free(work.step[a / GBT_FREE], a % GBT_FREE) + g[a]));
         largest = fmax(largest, fabs(g[a]));
     }
     return worst / largest;

@@ -106,6 +106,7 @@ FAULTS = [
     ("planner.pieces", {"tracker": {"forecast": 4}}, "a whole number from 1 to tracker.forecast = 4 (p <= n)"),
     ("planner.pieces", {"planner": {"pieces": 0}}, "a whole number from 1"),
     ("planner.degree", {"planner": {"degree": 6}}, "from 2 to 5"),
+    ("planner.continuity", {"planner": {"degree": 3, "continuity": 3}}, "from 1 to planner.degree - 1 = 2"),
     ("planner.formulation", {"planner": {"formulation": "soft"}}, "penalty, hard"),
     ("planner.nodes", {"planner": {"nodes": 0}}, "a whole number >= 1"),
     ("planner.gamma", {"planner": {"gamma": 0.0}}, "(0, 1]"),
@@ -319,6 +320,7 @@ def test_one_line_runs_with_the_defaults_of_the_design(tmp_path):
         "planner": {
             "pieces": 5,
             "degree": 2,
+            "continuity": None,
             "period_s": None,
             "formulation": "penalty",
             "nodes": 4,

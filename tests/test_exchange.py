@@ -43,7 +43,7 @@ def excess(problem, start, variables):
     worst = -np.inf
     for knot, top in zip(trajectory.knots[:-1], trajectory.top, strict=True):
         for s in np.linspace(0.0, PERIOD, 501):
-            z, dz, ddz = flat_point(propagate(list(knot), top, s))
+            z, dz, ddz = flat_point(propagate(list(knot), [top], s))
             thrust = np.asarray(problem.vehicle.inputs(z, dz, ddz)).ravel()
             worst = max(worst, float(np.max(np.abs(thrust) / LIMIT)) - 1.0)
     return worst
@@ -79,7 +79,7 @@ def test_added_nodes_lie_on_the_trajectory(problem):
     trajectory = FlatTrajectory(PERIOD, start, top)
     for piece, time in ((0, 0.03), (2, 0.0), (4, 0.1)):
         z, dz, ddz = (np.vstack([start, top]).T @ column for column in solver._coefficients(piece, time).T)
-        expected = flat_point(propagate(list(trajectory.knots[piece]), top[piece], time))
+        expected = flat_point(propagate(list(trajectory.knots[piece]), [top[piece]], time))
         assert z == pytest.approx(expected.z, abs=1e-12)
         assert dz == pytest.approx(expected.dz, abs=1e-12)
         assert ddz == pytest.approx(expected.ddz, abs=1e-12)

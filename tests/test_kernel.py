@@ -14,16 +14,20 @@ from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
 
-def fossen_problem(dimension: int, degree: int, pieces: int) -> TrajectoryProblem:
+def fossen_problem(dimension: int, degree: int, pieces: int, continuity: int | None = None) -> TrajectoryProblem:
     parameters = FALCON_2D if dimension == 2 else FALCON_3D
     vehicle = FossenVehicle(parameters, [5000.0] * dimension + [1500.0])
-    problem = TrajectoryProblem(vehicle, pieces, 0.1, degree=degree)
+    problem = TrajectoryProblem(vehicle, pieces, 0.1, degree=degree, continuity=continuity)
     problem = problem.maximize(BearingSimilarity(dimension)).maximize(RangePull(dimension))
     problem = problem.subject_to(ThrustLimit(vehicle, 0.98), nodes=2)
     return problem.subject_to_penalty(KeepOut((0.0,) * dimension, 2.0), nodes=3)
 
 
-@pytest.fixture(scope="module", params=[(2, 2, 5), (3, 2, 2), (2, 3, 4), (2, 2, 1)], ids=str)
+SIZES = [(2, 2, 5), (3, 2, 2), (2, 3, 4), (2, 2, 1), (2, 4, 3, 1), (3, 3, 2, 1), (2, 4, 3, 2)]
+"""Dimension, degree, pieces and, where it is less than the most, continuity."""
+
+
+@pytest.fixture(scope="module", params=SIZES, ids=str)
 def checks(request):
     problem = fossen_problem(*request.param)
     own = {"kernel_checks.c": (Path(__file__).parent / "kernel_checks.c").read_text()}

@@ -2,6 +2,7 @@
 
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +12,8 @@ from scipy.integrate import solve_ivp
 
 from gbt_ocp.ocp import BearingSimilarity, RangePull, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.ipopt import IpoptSolver
-from gbt_ocp.ocp.transcription import Binding
+from gbt_ocp.ocp.problem import HardLimit
+from gbt_ocp.ocp.transcription import Binding, input_scale
 from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
 
 PERIOD, PIECES = 0.1, 5
@@ -86,7 +88,7 @@ def test_held_acceleration_is_judged_on_its_parabolas(dimension):
             peak = max(peak, float(np.abs(np.asarray(inputs).ravel() / problem.vehicle.thrust_max).max()))
         z, dz = z + PERIOD * dz + 0.5 * PERIOD**2 * ddz, dz + PERIOD * ddz
         ends.append(z[:dimension])
-    objective, found = Judge(problem).flat(start, variables, parameters)
+    objective, found = Judge(problem).flat(start, variables * problem.vehicle.acceleration_scale, parameters)
     assert objective == pytest.approx(by_hand(np.array(ends), data), abs=1e-10)
     assert found == pytest.approx(peak, rel=1e-10)
 
@@ -118,4 +120,10 @@ def test_a_peer_reaches_what_our_multiple_shooting_reaches(name, module, dimensi
         assert reached == pytest.approx(value, abs=2e-3)
         assert peak <= 0.98 + 1e-6
     flat = IpoptSolver(problem, {}).solve(start, parameters, coasting, cold=True, tightening=0.0)
-    assert judge.flat(start, flat.variables, parameters)[0] < value
+    assert judge.flat(start, flat.variables * input_scale(problem), parameters)[0] < value
+    free = replace(problem, degree=4, continuity=1, hard=(HardLimit(problem.hard[0].constraint, 8),))
+    guess = np.zeros((PIECES, free.freedoms))
+    freer = IpoptSolver(free, {}).solve(start, parameters, guess, cold=True, tightening=0.0)
+    reached, peak = judge.flat(start, freer.variables * input_scale(free), parameters)
+    assert reached > value - 1e-4
+    assert peak <= 1.0

@@ -111,8 +111,8 @@ def test_propagation_is_the_same_for_symbols_and_numbers():
     rng = np.random.default_rng(2)
     derivatives, top = list(rng.standard_normal((3, 2))), rng.standard_normal(2)
     symbols = [ca.SX.sym(f"d{i}", 2) for i in range(4)]
-    function = ca.Function("step", symbols, propagate(symbols[:3], symbols[3], 0.7))
-    numbers = propagate(derivatives, top, 0.7)
+    function = ca.Function("step", symbols, propagate(symbols[:3], symbols[3:], 0.7))
+    numbers = propagate(derivatives, [top], 0.7)
     for symbolic, number in zip(function(*derivatives, top), numbers, strict=True):
         np.testing.assert_allclose(np.asarray(symbolic).ravel(), number, atol=1e-13)
     np.testing.assert_array_equal(numbers[-1], top)

@@ -15,7 +15,7 @@ import numpy as np
 from gbt_ocp.ocp import TrajectoryProblem
 from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.ocp.transcription import FINE_POINTS, input_scale, point_symbols
+from gbt_ocp.ocp.transcription import FINE_POINTS, point_symbols
 
 
 class Judge:
@@ -24,7 +24,6 @@ class Judge:
     def __init__(self, problem: TrajectoryProblem) -> None:
         self.shooting = ShootingPlanner(problem)
         vehicle, self._pieces, self._period = problem.vehicle, problem.pieces, problem.period
-        self._scale = input_scale(problem)
         point = point_symbols(vehicle.flat_dimension)
         share = vehicle.inputs(*point) / ca.DM(vehicle.thrust_max)
         self._share = ca.Function("share", [*point], [share]).map(self._pieces * FINE_POINTS)
@@ -34,10 +33,11 @@ class Judge:
         knots, peaks = self.shooting.rollout(start, held)
         return self.shooting.objective(knots, held, parameters), float(peaks.max())
 
-    def flat(self, start: Any, variables: Any, parameters: Sequence[Any]) -> tuple[float, float]:
-        """Of scaled accelerations ``(p, n)`` held over the pieces, likewise."""
-        trajectory = FlatTrajectory(self._period, start, variables * self._scale)
+    def flat(self, start: Any, top: Any, parameters: Sequence[Any]) -> tuple[float, float]:
+        """Of a flat trajectory through z and ż with these free derivatives ``(p, freedoms)``, likewise."""
+        trajectory = FlatTrajectory(self._period, start, top)
         columns = [values.reshape(-1, values.shape[-1]).T for values in trajectory.sample(FINE_POINTS)]
         peak = float(np.abs(np.asarray(self._share(*columns))).max())
         # what is held only enters through accelerations, which these objectives do not read
-        return self.shooting.objective(trajectory.knots, np.zeros_like(variables), parameters), peak
+        held = np.zeros((self._pieces, start.shape[1]))
+        return self.shooting.objective(trajectory.knots, held, parameters), peak

@@ -142,7 +142,7 @@ def build_problem(configuration: Configuration, vehicle: Vehicle) -> TrajectoryP
     """The trajectory problem in the formulation that is asked for."""
     section, dimension = configuration.planner, configuration.dimension
     period = section.period_s or configuration.sensor.period_s
-    problem = TrajectoryProblem(vehicle, section.pieces, period, section.degree)
+    problem = TrajectoryProblem(vehicle, section.pieces, period, section.degree, section.continuity)
     problem = problem.maximize(build_objective(configuration))
     if section.range_pull > 0.0:
         problem = problem.maximize(RangePull(dimension, section.range_pull, section.range_reference_m))
@@ -240,7 +240,8 @@ def build_start(configuration: Configuration, vehicle: Vehicle, rng: np.random.G
         level = math.sqrt(1.0 - elevation**2)
         away = [level * math.cos(azimuth), level * math.sin(azimuth), elevation]
         place = target + section.range_m * np.array(away[:d])
-    flat = np.zeros((configuration.planner.degree, vehicle.flat_dimension))
+    plan = configuration.planner
+    flat = np.zeros((plan.degree if plan.continuity is None else plan.continuity + 1, vehicle.flat_dimension))
     flat[0, :d] = place if section.position_m is None else section.position_m
     if vehicle.flat_dimension > configuration.dimension:
         flat[0, configuration.dimension] = math.radians(section.yaw_deg)

@@ -151,7 +151,13 @@ class Planner(Section):
     """The trajectory optimisation."""
 
     pieces: int = key(5, "p, pieces of the trajectory.", "a whole number from 1 to tracker.forecast (p <= n)", ge=1)
-    degree: int = key(2, "Degree of the pieces.", "a whole number from 2 to 5", ge=2, le=5)
+    degree: int = key(2, "L, degree of the pieces.", "a whole number from 2 to 5", ge=2, le=5)
+    continuity: int | None = key(
+        None,
+        "Derivatives that are continuous between pieces; null is L - 1, the paper's. Fewer leave a piece more freedom.",
+        "null, or a whole number from 1 to planner.degree - 1",
+        ge=1,
+    )
     period_s: float | None = key(
         None,
         "Length of a piece in s, after which the next plan is made; null is one sampling period.",

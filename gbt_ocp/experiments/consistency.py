@@ -55,6 +55,11 @@ def _number(merged: Mapping[str, Any], path: tuple[str, ...], default: Any) -> f
 def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
     pieces = _number(merged, ("planner", "pieces"), Planner.model_fields["pieces"].default)
     forecast = _number(merged, ("tracker", "forecast"), TrackerSection.model_fields["forecast"].default)
+    degree = _number(merged, ("planner", "degree"), Planner.model_fields["degree"].default)
+    continuity = _number(merged, ("planner", "continuity"), None)
+    if degree is not None and continuity is not None and continuity >= degree >= 2:
+        allowed = f"null, or a whole number from 1 to planner.degree - 1 = {degree - 1}"
+        yield Fault(("planner", "continuity"), shown(continuity), allowed)
     duration = _number(merged, ("duration_s",), Configuration.model_fields["duration_s"].default)
     period = _number(merged, ("sensor", "period_s"), Sensor.model_fields["period_s"].default)
     steps = 1.0

@@ -66,28 +66,32 @@ class BrakingPlanner:
         self._drift = ca.Function("drift", [z, dz], [drift(problem.vehicle, z, dz)])
 
     def __call__(self, start: Array, limits: Sequence[Array] = ()) -> FlatTrajectory:
-        """A braking trajectory from the start ``(L, n)``, for these parameters of the constraints at the knots."""
+        """A braking trajectory from the start ``(k+1, n)``, for these parameters of the constraints at the knots."""
         problem = self._problem
         top: list[Array] = []
         for piece in range(problem.pieces):
-            so_far = FlatTrajectory(problem.period, start, np.array(top).reshape(-1, start.shape[1]))
+            so_far = FlatTrajectory(problem.period, start, np.array(top).reshape(-1, problem.freedoms))
             top.append(self._piece(so_far.knots[-1], [values[:, piece:] for values in limits]))
         return FlatTrajectory(problem.period, start, np.array(top))
 
     def _piece(self, knot: Array, limits: Sequence[Array]) -> Array:
-        problem = self._problem
-        # With L > 2 the unknown is a higher derivative: aim the acceleration at the end of the piece instead.
+        problem, n = self._problem, knot.shape[1]
         drift = np.asarray(self._drift(knot[0], knot[1])).ravel()
         stop = -knot[1] / problem.period
-        if problem.degree > 2:
-            lag = problem.period ** (problem.degree - 2)
+        if problem.joined > 2:
+            # The acceleration is inherited: aim the one at the end of the piece instead.
+            lag = problem.period ** (problem.joined - 2)
             drift, stop = (drift - knot[2]) / lag, (stop - knot[2]) / lag
         drift = np.where(np.isfinite(drift), drift, 0.0)
         best, best_key = drift, (np.inf, np.inf, np.inf)
 
+        def whole(candidate: Array) -> Array:
+            """With the derivatives of higher order, which brake nothing: zero."""
+            return np.concatenate([candidate, np.zeros(problem.freedoms - n)])
+
         def improve(candidate: Array) -> bool:
             nonlocal best, best_key
-            trial = FlatTrajectory(problem.period, knot, candidate[None])
+            trial = FlatTrajectory(problem.period, knot, whole(candidate)[None])
             broken = max(float(self._check(trial, limits)[0]), 0.0)
             first = 0.0 if self._certain is None else max(float(self._certain(trial)[0]), 0.0)
             key = (first, broken, float(np.sum((trial.knots[1, 1] / problem.vehicle.acceleration_scale) ** 2)))
@@ -98,14 +102,14 @@ class BrakingPlanner:
 
         improve(stop)
         if best_key[:2] == (0.0, 0.0) and best_key[2] < AT_REST:  # nothing ends slower
-            return best
+            return whole(best)
         for share in SHARES:
             # Yaw brakes by its own share: a fast turn and a fast drift need different ones.
             for last_share in (share, 0.0, 0.5, 1.0):
                 mix = np.full(len(drift), share)
                 mix[-1] = last_share
                 improve(drift + mix * (stop - drift))
-        reach = 0.25 * input_scale(problem)
+        reach = 0.25 * input_scale(problem)[:n]
         for _ in range(ROUNDS):
             moved = False
             for axis in range(len(drift)):
@@ -115,4 +119,4 @@ class BrakingPlanner:
                     moved = improve(best + step) or moved
             if not moved:
                 reach = 0.5 * reach
-        return best
+        return whole(best)

@@ -78,11 +78,13 @@ class ExchangeIpoptSolver:
         self._check = LimitCheck(problem)
         self._plain = IpoptSolver(problem, {})
         self._program = program = transcribe(problem)
-        size, orders = problem.vehicle.flat_dimension, problem.degree + problem.pieces
+        size = problem.vehicle.flat_dimension
+        orders = problem.joined + problem.pieces * problem.freedoms // size
+        self._orders = orders
         weights = ca.MX.sym("weights", orders, 3 * self._nodes)
         shares = ca.MX.sym("shares", problem.pieces + 1, self._nodes)
-        start = ca.reshape(program.parameters[: size * problem.degree], size, problem.degree)
-        top = ca.mtimes(ca.diag(ca.DM(self._scale)), ca.reshape(program.variables, size, problem.pieces))
+        start = ca.reshape(program.parameters[: size * problem.joined], size, problem.joined)
+        top = ca.reshape(program.variables * ca.repmat(ca.DM(self._scale), problem.pieces, 1), size, -1)
         points = ca.horzsplit(ca.mtimes(ca.horzcat(start, top), weights), self._nodes)
         limits, self._lower, self._upper, self._unit = [program.limits], [], [], []
         offset = program.parameters.numel() - sum(map(limit_size, problem.constraints)) * (problem.pieces + 1)
@@ -163,8 +165,8 @@ class ExchangeIpoptSolver:
 
     def _added(self, times: Array, tightening: float) -> tuple[Array, Array, Array]:
         """Parameters that place the added nodes, and the bounds there; unused nodes have none."""
-        degree, pieces, period = self._problem.degree, self._problem.pieces, self._problem.period
-        weights = np.zeros((degree + pieces, 3 * self._nodes))
+        pieces, period = self._problem.pieces, self._problem.period
+        weights = np.zeros((self._orders, 3 * self._nodes))
         shares = np.zeros((pieces + 1, self._nodes))
         used = np.arange(self._nodes) < len(times)
         for number, time in enumerate(times):
@@ -180,13 +182,15 @@ class ExchangeIpoptSolver:
         return added, np.concatenate(lower), np.concatenate(upper)
 
     def _coefficients(self, piece: int, time: float) -> Array:
-        """How z, ż and z̈ at a time of a piece depend on the start and the pieces ``(L+p, 3)``."""
-        degree, size = self._problem.degree, self._problem.degree + self._problem.pieces
+        """How z, ż and z̈ at a time of a piece depend on the start and on what is free ``(k+1 + (L-k) p, 3)``."""
+        joined, free = self._problem.joined, self._problem.degree + 1 - self._problem.joined
         # the trajectory of every unit vector at once
-        derivatives: list[Array] = list(np.eye(degree, size))
+        units = np.eye(self._orders)
+        own = [list(units[begin : begin + free]) for begin in range(joined, self._orders, free)]
+        derivatives: list[Array] = list(units[:joined])
         for number in range(piece):
-            derivatives = propagate(derivatives, np.eye(1, size, degree + number)[0], self._problem.period)[:degree]
-        return np.stack(propagate(derivatives, np.eye(1, size, degree + piece)[0], time)[:3], axis=1)
+            derivatives = propagate(derivatives, own[number], self._problem.period)[:joined]
+        return np.stack(propagate(derivatives, own[piece], time)[:3], axis=1)
 
 
 class DoublingCompiledSolver:

@@ -59,7 +59,7 @@ class Plan:
 
     @property
     def knots(self) -> Array:
-        """Derivatives 0 … L-1 of the flat output at the boundaries of the pieces ``(p+1, L, n)``."""
+        """The continuous derivatives of the flat output at the boundaries of the pieces ``(p+1, k+1, n)``, z first."""
         return self.trajectory.knots
 
     @property

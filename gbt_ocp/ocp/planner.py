@@ -122,7 +122,7 @@ class Planner:
         Parameters
         ----------
         state
-            Derivatives 0 … L-1 of the flat output now ``(L, n)``; with L = 2 that is z and ż.
+            Derivatives of the flat output now, as many as are continuous ``(k+1, n)``; with L = 2 that is z and ż.
         forecast
             Mean and covariance of the target's position at the endpoints, for objectives that need it.
         desired
@@ -137,7 +137,7 @@ class Planner:
         """
         began = perf_counter()
         start = np.asarray(state, dtype=float)
-        expected = (self.problem.degree, self.problem.vehicle.flat_dimension)
+        expected = (self.problem.joined, self.problem.vehicle.flat_dimension)
         if start.shape != expected or not np.all(np.isfinite(start)):
             raise ValueError(f"state: found shape {start.shape}; allowed: {expected}, all numbers finite")
         given = {"forecast": forecast, "desired": desired, **data}
@@ -211,9 +211,9 @@ class Planner:
 
     def cold_guess(self, start: Array) -> Array:
         """Coasting: constant velocity, any higher derivative brought to zero within the first piece."""
-        guess = np.zeros((self.problem.pieces, start.shape[1]))
-        if self.problem.degree > 2:
-            guess[0] = -start[-1] / self.problem.period / self._scale
+        guess, n = np.zeros((self.problem.pieces, self.problem.freedoms)), start.shape[1]
+        if self.problem.joined > 2:
+            guess[0, :n] = -start[-1] / self.problem.period / self._scale[:n]
         return guess
 
     def _attempt(

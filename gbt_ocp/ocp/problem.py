@@ -54,7 +54,11 @@ class TrajectoryProblem:
     period
         T in seconds, the length of a piece.
     degree
-        L >= 2, the degree of the polynomials; the trajectory is L-1 times continuously differentiable.
+        L >= 2, the degree of the polynomials.
+    continuity
+        k, from 1 to L-1: how many derivatives are continuous from piece to piece. By default L-1, as in the paper,
+        which leaves one vector of freedom a piece, its endpoint; with less, a piece has L-k of them, and its
+        acceleration may turn with the vehicle where k = 1 < L-1.
 
     Raises
     ------
@@ -66,6 +70,7 @@ class TrajectoryProblem:
     pieces: int
     period: float
     degree: int = 2
+    continuity: int | None = None
     objectives: tuple[Objective | JointObjective, ...] = field(default=(), kw_only=True)
     hard: tuple[HardLimit, ...] = field(default=(), kw_only=True)
     penalties: tuple[PenaltyLimit, ...] = field(default=(), kw_only=True)
@@ -74,8 +79,20 @@ class TrajectoryProblem:
         for name, value, least in (("pieces", self.pieces, 1), ("degree", self.degree, 2)):
             if value < least:
                 raise ValueError(f"{name} must be at least {least}, found {value}")
+        if self.continuity is not None and not 1 <= self.continuity < self.degree:
+            raise ValueError(f"continuity must be from 1 to degree - 1 = {self.degree - 1}, found {self.continuity}")
         if not self.period > 0.0:
             raise ValueError(f"period must be positive, found {self.period}")
+
+    @property
+    def joined(self) -> int:
+        """How many derivatives of the flat output, itself included, a piece takes over from the one before it."""
+        return self.degree if self.continuity is None else self.continuity + 1
+
+    @property
+    def freedoms(self) -> int:
+        """Unknowns of a piece: its derivatives from :attr:`joined` to L, each of the size of the flat output."""
+        return (self.degree + 1 - self.joined) * self.vehicle.flat_dimension
 
     def maximize(self, objective: Objective | JointObjective) -> TrajectoryProblem:
         """Add a term to the objective."""

@@ -60,11 +60,11 @@ class Solver(Protocol):
         Parameters
         ----------
         start
-            Derivatives 0 … L-1 of the flat output ``(L, n)``.
+            Derivatives of the flat output at the start, as many as are continuous ``(k+1, n)``.
         objectives
             Parameters of each objective, one endpoint a column ``(size, p)``.
         guess
-            u ``(p, n)``.
+            u ``(p, freedoms)``.
         cold
             Whether the guess is a mere start and not the shifted solution of the step before.
         tightening

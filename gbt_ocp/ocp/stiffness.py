@@ -35,7 +35,8 @@ def stiffness(problem: TrajectoryProblem, penalty: PenaltyLimit) -> float:
 def kink_widths(problem: TrajectoryProblem, penalty: PenaltyLimit) -> Array:
     """How far the endpoint of a piece moves while a penalised quantity crosses its kink ``(n,)``, in units of z.
 
-    The endpoint of a piece that moves by δ changes z̈ at its end by ``L (L-1) δ/T²`` (with L = 2 all along the piece),
+    The endpoint of a piece that moves by δ by the lowest derivative that is free, the m-th, changes z̈ at its end by
+    ``m (m-1) δ/T²`` (with m = 2 all along the piece; m = L in the paper),
     a thrust by M times that (``eq30``, ``eq32``), and the kink of ``eq34`` is 2ϖ wide: with one mass M and a limit
     τ_max, ``δ = ϖ τ_max T²/M`` for a width in units of the limit. Evaluated at rest, each axis with the quantity that
     it moves most; infinite for an axis that moves none.
@@ -43,16 +44,16 @@ def kink_widths(problem: TrajectoryProblem, penalty: PenaltyLimit) -> Array:
     Parameters
     ----------
     problem
-        Gives the vehicle, T and L.
+        Gives the vehicle, T and m.
     penalty
         One of its penalties.
     """
-    n, degree = problem.vehicle.flat_dimension, problem.degree
+    n, lowest = problem.vehicle.flat_dimension, problem.joined
     point = [ca.SX.sym(name, n) for name in ("z", "dz", "ddz")]
     size = limit_size(penalty.constraint)
     value = constraint_function(problem, penalty.constraint)(*point, *([ca.SX.zeros(size)] if size else []))
     slope = ca.Function("slope", point, [ca.jacobian(value, point[2])])
     each = np.abs(np.asarray(slope(np.zeros(n), np.zeros(n), np.zeros(n))))
-    steepest = each.max(axis=0) * degree * (degree - 1) / problem.period**2
+    steepest = each.max(axis=0) * lowest * (lowest - 1) / problem.period**2
     with np.errstate(divide="ignore"):
         return np.asarray(2.0 * penalty.width / steepest)

@@ -1,13 +1,15 @@
 """Flat trajectories: piecewise polynomials of the flat output (``eq31``, ``eq32``).
 
-A trajectory of degree L has p pieces of one period T. It is L-1 times continuously differentiable, so each piece adds
-one vector of freedom: its L-th derivative, or what is the same in other coordinates, its endpoint. With L = 2 the
-start (z_0, ż_0) and the endpoints fix everything:
+A trajectory of degree L has p pieces of one period T. The paper's is L-1 times continuously differentiable, so each
+piece adds one vector of freedom: its L-th derivative, or what is the same in other coordinates, its endpoint. With
+L = 2 the start (z_0, ż_0) and the endpoints fix everything:
 ``a_i = 2 (z_i - z_{i-1} - T ż_{i-1}) / T²``, ``ż_i = ż_{i-1} + a_i T``.
+Where fewer derivatives are continuous, all those above them are free in every piece.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import factorial
@@ -27,12 +29,21 @@ class FlatPoint(NamedTuple):
     ddz: Any
 
 
-def propagate(derivatives: list[Any], top: Any, time: float) -> list[Any]:
-    """Taylor step of a piece: derivatives 0 … L-1 after ``time`` seconds under a constant L-th derivative ``top``.
+def propagate(derivatives: Sequence[Any], free: Sequence[Any], time: float) -> list[Any]:
+    """Taylor step of a piece: its derivatives 0 … L after ``time`` seconds, the L-th of which is constant.
 
-    Works on numbers and on CasADi expressions alike; returns L+1 entries, the last being ``top`` itself.
+    Works on numbers and on CasADi expressions alike.
+
+    Parameters
+    ----------
+    derivatives
+        Those at the beginning of the piece that it takes over from the one before.
+    free
+        Those of higher order, up to the L-th.
+    time
+        Seconds.
     """
-    terms = [*derivatives, top]
+    terms = [*derivatives, *free]
     out = []
     for order in range(len(terms)):
         value = terms[order]
@@ -56,9 +67,10 @@ class FlatTrajectory:
     period
         T in seconds, the length of a piece.
     start
-        Derivatives 0 … L-1 of the flat output at t = 0, ``(L, n)``.
+        Derivatives of the flat output at t = 0 that are continuous, itself among them: 0 … k, ``(k+1, n)``.
     top
-        L-th derivative of each piece ``(p, n)``.
+        Derivatives k+1 … L at the beginning of each piece, one after the other ``(p, (L-k) n)``; where all but the
+        L-th are continuous, that one ``(p, n)``.
     """
 
     period: float
@@ -67,21 +79,27 @@ class FlatTrajectory:
 
     @classmethod
     def from_endpoints(cls, period: float, start: ArrayLike, endpoints: ArrayLike) -> FlatTrajectory:
-        """The trajectory through the endpoints ``z̄`` ``(p, n)`` (``eq32``), from the start ``(L, n)``."""
+        """The trajectory through the endpoints ``z̄`` ``(p, n)`` (``eq32``), from the start ``(L, n)``, with k = L-1."""
         start = np.asarray(start, dtype=float)
         degree = len(start)
         derivatives = list(start)
         top = []
         for endpoint in np.asarray(endpoints, dtype=float):
-            coasted = propagate(derivatives, np.zeros_like(endpoint), period)
+            coasted = propagate(derivatives, [np.zeros_like(endpoint)], period)
             top.append((endpoint - coasted[0]) * factorial(degree) / period**degree)
-            derivatives = propagate(derivatives, top[-1], period)[:degree]
+            derivatives = propagate(derivatives, [top[-1]], period)[:degree]
         return cls(period, start, np.array(top))
 
     @property
     def degree(self) -> int:
         """L, the degree of the polynomials."""
-        return len(self.start)
+        return len(self.start) + int(self.top.shape[1]) // int(self.start.shape[1]) - 1
+
+    @property
+    def _free(self) -> Array:
+        """The same as ``top``, one derivative a row ``(p, L-k, n)``."""
+        size = self.start.shape[1]
+        return self.top.reshape(len(self.top), self.top.shape[1] // size, size)
 
     @property
     def pieces(self) -> int:
@@ -95,10 +113,10 @@ class FlatTrajectory:
 
     @cached_property
     def knots(self) -> Array:
-        """Derivatives 0 … L-1 at the piece boundaries ``(p+1, L, n)``."""
+        """Derivatives 0 … k, the continuous ones, at the piece boundaries ``(p+1, k+1, n)``."""
         knots = [self.start]
-        for top in self.top:
-            knots.append(np.array(propagate(list(knots[-1]), top, self.period)[: self.degree]))
+        for free in self._free:
+            knots.append(np.array(propagate(list(knots[-1]), list(free), self.period)[: len(self.start)]))
         return np.array(knots)
 
     @property
@@ -110,12 +128,12 @@ class FlatTrajectory:
     def coefficients(self) -> Array:
         """c_i of ``eq31``: coefficients of 1, s, …, s^L of each piece ``(p, L+1, n)``."""
         scale: Array = np.array([1.0 / factorial(order) for order in range(self.degree + 1)])
-        return np.concatenate([self.knots[:-1], self.top[:, None]], axis=1) * scale[None, :, None]
+        return np.concatenate([self.knots[:-1], self._free], axis=1) * scale[None, :, None]
 
     def sample(self, points: int) -> FlatPoint:
         """z, ż, z̈ on an even grid of ``points`` times a piece, both ends included; each ``(p, points, n)``.
 
-        The ends of neighbouring pieces are both there, since the L-th derivative jumps between them.
+        The ends of neighbouring pieces are both there, since what is not continuous jumps between them.
         """
         powers = np.linspace(0.0, self.period, points)[:, None] ** np.arange(self.degree + 1)
         coefficients = self.coefficients
@@ -135,7 +153,7 @@ class FlatTrajectory:
         # A time that was meant to be a boundary must not fall into the earlier piece by rounding.
         piece = np.clip(np.floor(t / self.period + 1e-9).astype(int), 0, self.pieces - 1)
         s = t - piece * self.period
-        value = np.zeros((*t.shape, self.top.shape[1]))
+        value = np.zeros((*t.shape, self.start.shape[1]))
         for power in range(order, self.degree + 1):
             scale = factorial(power) / factorial(power - order)
             value += self.coefficients[piece, power] * (scale * s ** (power - order))[..., None]
@@ -155,9 +173,10 @@ class FlatTrajectory:
             raise ValueError(
                 f"duration: found {duration}; allowed: at most {self.period - inside}, the rest of a piece"
             )
-        derivatives = propagate(list(self.knots[piece]), self.top[piece], inside)[: self.degree]
-        return FlatTrajectory(duration, np.array(derivatives), self.top[piece : piece + 1])
+        derivatives = propagate(list(self.knots[piece]), list(self._free[piece]), inside)
+        joined = len(self.start)
+        return FlatTrajectory(duration, np.array(derivatives[:joined]), np.concatenate(derivatives[joined:])[None])
 
     def shifted(self) -> FlatTrajectory:
-        """The rest of the trajectory after its first piece, with the last piece coasting (L-th derivative zero)."""
+        """The rest of the trajectory after its first piece, the last piece coasting: what is free there is zero."""
         return FlatTrajectory(self.period, self.knots[1], np.vstack([self.top[1:], np.zeros_like(self.top[:1])]))

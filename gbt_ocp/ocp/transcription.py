@@ -1,8 +1,9 @@
 """From the description to CasADi: the objective, the penalties and the limits as functions of the unknowns.
 
-The unknowns u ``(n, p)`` are the L-th derivatives of the pieces over their natural size: the endpoints in better
-scaled coordinates. Every quantity of a piece is a function of one point (z, ż, z̈), mapped over the nodes, so the
-graph stays small however many nodes there are.
+The unknowns u, one piece a column, are the derivatives that a piece does not take over from the one before (with the
+continuity of the paper its L-th) over their natural size: the endpoints in better scaled coordinates. Every quantity of
+a piece is a function of one point (z, ż, z̈), mapped over the nodes, so the graph stays small however many nodes there
+are.
 """
 
 from __future__ import annotations
@@ -29,8 +30,9 @@ FINE_POINTS = 101
 
 
 def input_scale(problem: TrajectoryProblem) -> Array:
-    """Natural size of the L-th derivative ``(n,)``: one that changes z̈ by its scale within a period."""
-    return problem.vehicle.acceleration_scale / problem.period ** (problem.degree - 2)
+    """Natural sizes of a piece's unknowns ``(freedoms,)``: what changes z̈ by its scale within a period."""
+    orders = range(problem.joined, problem.degree + 1)
+    return np.concatenate([problem.vehicle.acceleration_scale / problem.period ** (order - 2) for order in orders])
 
 
 def point_symbols(size: int) -> FlatPoint:
@@ -119,22 +121,22 @@ def stack_parameters(term: Objective | JointObjective | MovingConstraint, bound:
 def first_free_node(problem: TrajectoryProblem, constraint: Constraint) -> int:
     """The first node of a piece at which the piece's own unknown moves the constraint: 0 or 1.
 
-    With L = 2 the acceleration jumps at a boundary, so what depends on z̈ counts on both sides of it. Everything else
-    is continuous there: at its first node a piece repeats the last one of the piece before, and the first piece what
-    is given.
+    Where only z and ż are continuous the acceleration jumps at a boundary, so what depends on z̈ counts on both sides
+    of it. Everything else is continuous there: at its first node a piece repeats the last one of the piece before, and
+    the first piece what is given.
     """
     point, stacked = point_symbols(problem.vehicle.flat_dimension), ca.SX.sym("p", limit_size(constraint))
     value = ca.SX(constraint_value(constraint, point, stacked))
-    return 0 if problem.degree == 2 and ca.depends_on(value, point.ddz) else 1
+    return 0 if problem.joined == 2 and ca.depends_on(value, point.ddz) else 1
 
 
 @dataclass(frozen=True)
 class Transcription:
     """The nonlinear program ``min objective + penalty`` subject to ``lower <= limits <= upper``.
 
-    ``variables`` is u, column by column ``(n p,)``; ``parameters`` stacks the start, the parameters of the objectives
-    and of the constraints, and (ϖ, w_p, tightening) of each penalty. The penalty is ``Σ cost g(excess)`` with g of
-    half width ``width``.
+    ``variables`` is u, piece by piece ``(freedoms p,)``; ``parameters`` stacks the start, the parameters of the
+    objectives and of the constraints, and (ϖ, w_p, tightening) of each penalty. The penalty is ``Σ cost g(excess)``
+    with g of half width ``width``.
     """
 
     variables: ca.MX
@@ -174,17 +176,18 @@ class Transcription:
 
 def transcribe(problem: TrajectoryProblem) -> Transcription:
     """Build the nonlinear program symbolically (MX, with map over the nodes)."""
-    n, p, degree = problem.vehicle.flat_dimension, problem.pieces, problem.degree
-    variables = ca.MX.sym("u", n * p)
-    start = ca.MX.sym("start", n, degree)
-    top = ca.mtimes(ca.diag(ca.DM(input_scale(problem))), ca.reshape(variables, n, p))
+    n, p, joined = problem.vehicle.flat_dimension, problem.pieces, problem.joined
+    variables = ca.MX.sym("u", problem.freedoms * p)
+    start = ca.MX.sym("start", n, joined)
+    scaled = variables * ca.repmat(ca.DM(input_scale(problem)), p, 1)
+    free = [ca.horzsplit(ca.reshape(own, n, -1)) for own in ca.vertsplit(scaled, problem.freedoms)]
     knots = [ca.horzsplit(start)]
     for i in range(p):
-        knots.append(propagate(knots[-1], top[:, i], problem.period)[:degree])
+        knots.append(propagate(knots[-1], free[i], problem.period)[:joined])
 
     def at(times: Array) -> list[ca.MX]:
         """z, ż, z̈ at these times of every piece, one a column."""
-        points = [propagate(knots[i], top[:, i], float(s)) for i in range(p) for s in times]
+        points = [propagate(knots[i], free[i], float(s)) for i in range(p) for s in times]
         return [ca.horzcat(*(point[order] for point in points)) for order in range(3)]
 
     parameters, objective = [ca.vec(start)], ca.MX(0)

@@ -136,7 +136,7 @@ class _Flat:
     def __init__(self, planner: Planner) -> None:
         self._planner, self._judge = planner, Judge(planner)
         self._binding, self._scale = Binding(planner.problem), input_scale(planner.problem)
-        self.shape = planner.problem.pieces, planner.problem.vehicle.flat_dimension
+        self.shape = planner.problem.pieces, planner.problem.freedoms
 
     def __call__(self, instance: Instance, mode: str) -> Row:
         guess = self._planner.cold_guess(instance.start)

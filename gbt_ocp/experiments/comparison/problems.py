@@ -18,6 +18,7 @@ from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.planner import Planner
+from gbt_ocp.ocp.problem import TrajectoryProblem
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.simulation import simulate
 from gbt_ocp.tracking.protocol import Forecast
@@ -90,7 +91,7 @@ class Problems:
     desired
         Desired bearings at the endpoints ``(N, p, d)``.
     previous_start, previous_top
-        The plan of the step before: ``start`` ``(N, L, n)`` and ``top`` ``(N, p, n)`` of its
+        The plan of the step before: ``start`` ``(N, L, n)`` and ``top`` ``(N, p, freedoms)`` of its
         :class:`~gbt_ocp.ocp.trajectory.FlatTrajectory`, NaN where there is none.
     period
         T in s.
@@ -187,8 +188,9 @@ def record(configuration: Configuration, count: int, check: Check = unasked) -> 
     early = min(START_UP, count // 4)
     spread = np.linspace(early, steps - 1, max(min(count, steps) - early, 1)).round().astype(int)
     numbers = np.union1d(np.arange(early), spread)
-    period = witness.problem.period
-    return _stacked([witness.asked[k] for k in numbers], period * numbers, RECORDED, configuration.seed, period)
+    problem = witness.problem
+    asked = [witness.asked[k] for k in numbers]
+    return _stacked(asked, problem.period * numbers, RECORDED, configuration.seed, problem)
 
 
 def draw(configuration: Configuration, count: int) -> Problems:
@@ -204,7 +206,7 @@ def draw(configuration: Configuration, count: int) -> Problems:
     d, n, p, period = configuration.dimension, vehicle.flat_dimension, problem.pieces, problem.period
     chosen = []
     for number in range(count):
-        start = np.zeros((problem.degree, n))
+        start = np.zeros((problem.joined, n))
         start[0, :d] = rng.uniform(-5.0, 5.0, d)
         start[1] = rng.normal(size=n) * np.where(np.arange(n) < d, 1.0, 0.5)
         ahead = period * np.arange(p + 1)
@@ -212,12 +214,11 @@ def draw(configuration: Configuration, count: int) -> Problems:
         root = 0.2 * rng.normal(size=(d, d))
         moments = Forecast(mean, np.tile(root @ root.T, (p + 1, 1, 1)))
         chosen.append(Instance(start, moments, desired(number + ahead[1:]), None))
-    return _stacked(chosen, np.full(count, np.nan), RANDOM, np.arange(count), period)
+    return _stacked(chosen, np.full(count, np.nan), RANDOM, np.arange(count), problem)
 
 
-def _stacked(chosen: list[Instance], times: Array, origin: str, runs: Any, period: float) -> Problems:
-    shape = len(chosen[0].desired), chosen[0].start.shape[1]
-    missing = np.full_like(chosen[0].start, np.nan), np.full(shape, np.nan)
+def _stacked(chosen: list[Instance], times: Array, origin: str, runs: Any, problem: TrajectoryProblem) -> Problems:
+    missing = np.full_like(chosen[0].start, np.nan), np.full((problem.pieces, problem.freedoms), np.nan)
     plans = [missing if one.previous is None else (one.previous.start, one.previous.top) for one in chosen]
     return Problems(
         origin=np.full(len(chosen), origin),
@@ -229,5 +230,5 @@ def _stacked(chosen: list[Instance], times: Array, origin: str, runs: Any, perio
         desired=np.array([one.desired for one in chosen]),
         previous_start=np.array([start for start, _ in plans]),
         previous_top=np.array([top for _, top in plans]),
-        period=np.array(period),
+        period=np.array(problem.period),
     )

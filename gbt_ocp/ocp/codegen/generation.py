@@ -70,6 +70,7 @@ def generate_problem(problem: TrajectoryProblem) -> GeneratedProblem:
         flat=size,
         dimension=problem.vehicle.position_dimension,
         degree=problem.degree,
+        joined=problem.joined,
         pieces=problem.pieces,
         period=repr(float(problem.period)),
         parameters=parameters,
@@ -286,6 +287,7 @@ typedef double gbt_real;
 #define GBT_FLAT {flat}              /* n, flat outputs */
 #define GBT_DIMENSION {dimension}         /* d, dimension of the space */
 #define GBT_DEGREE {degree}            /* L, degree of the polynomials */
+#define GBT_JOINED {joined}            /* derivatives 0 .. that a piece takes over from the one before */
 #define GBT_PIECES {pieces}            /* p, pieces of the trajectory */
 #define GBT_PERIOD ((gbt_real){period}) /* T, length of a piece in seconds */
 #define GBT_PARAMETERS {parameters}       /* numbers that the objective needs at each endpoint */
@@ -330,7 +332,7 @@ typedef struct {{
     const int *curvature_row, *curvature_column;
 }} gbt_limit;
 
-extern const gbt_real gbt_input_scale[GBT_FLAT]; /* natural size of the L-th derivatives */
+extern const gbt_real gbt_input_scale[]; /* natural sizes of what is free in a piece */
 extern const gbt_objective_functions gbt_objective;
 extern const gbt_limit gbt_limits[];
 extern const gbt_real gbt_acceleration_scale[GBT_FLAT]; /* typical acceleration under full thrust */

@@ -97,7 +97,7 @@ def record(
             continue
         row = _inputs(problem, step, moments) | {"endpoints": plan.endpoints}
         row["warm"] = np.array([before is not None])
-        row["previous"] = np.zeros_like(plan.endpoints) if before is None else before.top
+        row["previous"] = np.zeros_like(plan.trajectory.top) if before is None else before.top
         for name, values in row.items():
             rows.setdefault(name, []).append(np.asarray(values, dtype=float).ravel())
         statuses.append(_code(plan.status))
@@ -150,7 +150,7 @@ class _Drill:
         self._velocity = self._rng.normal(size=d) * 0.5
         self._desired = DesiredBearing(d, 2.0 * np.pi / (10.0 * problem.period))
         self._count = 0
-        self.state = np.zeros((problem.degree, problem.vehicle.flat_dimension))
+        self.state = np.zeros((problem.joined, problem.vehicle.flat_dimension))
         self.state[0, :d] = self._rng.uniform(-3.0, 3.0, d)
 
     def step(self) -> dict[str, Any]:

@@ -26,7 +26,7 @@ void gbt_check(const gbt_real *start, const gbt_real *top, int pieces, int point
     gbt_real piece[GBT_ORDERS][GBT_FLAT], end[GBT_ORDERS][GBT_FLAT], point[GBT_PLACE];
     for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = start[a];
     for (int i = 0; i < pieces; i++) {
-        for (int j = 0; j < GBT_FLAT; j++) piece[GBT_DEGREE][j] = top[i * GBT_FLAT + j];
+        for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = top[i * GBT_FREE + a];
         violation[i] = -(gbt_real)HUGE_VAL;
         for (int k = 0; k < points; k++) {
             const gbt_real share = (gbt_real)k / (gbt_real)(points - 1);
@@ -35,7 +35,7 @@ void gbt_check(const gbt_real *start, const gbt_real *top, int pieces, int point
             violation[i] = worst_at(point, i == 0 && k == 0, violation[i]);
         }
         gbt_next_piece(piece, end);
-        for (int l = 0; l < GBT_DEGREE; l++)
+        for (int l = 0; l < GBT_JOINED; l++)
             for (int j = 0; j < GBT_FLAT; j++) piece[l][j] = end[l][j];
     }
 }

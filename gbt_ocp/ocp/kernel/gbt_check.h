@@ -7,8 +7,8 @@
 /* Largest violation of each piece in units of the limits, negative inside them, HUGE_VAL where one is not a number,
    minus HUGE_VAL without limits.
 
-   start    derivatives 0 .. L-1, GBT_DEGREE x GBT_FLAT
-   top      L-th derivatives, pieces x GBT_FLAT, not scaled
+   start    the continuous derivatives, GBT_JOINED x GBT_FLAT
+   top      what is free in each piece, pieces x GBT_FREE, not scaled
    pieces   how many, any number
    points   of the grid of a piece, both ends included, at least 2
    moving   of the limits at the boundaries, (pieces + 1) x GBT_MOVING */

@@ -74,8 +74,8 @@ static gbt_real residual(gbt_workspace *work)
     lagrangian_gradient(work, work->lambda);
     gbt_adjoint(work->pull, work->pieces, work->push);
     for (int i = 0; i < work->pieces; i++)
-        for (int j = 0; j < GBT_FLAT; j++) {
-            const gbt_real slope = fabs(work->push[i][j] * gbt_input_scale[j]);
+        for (int a = 0; a < GBT_FREE; a++) {
+            const gbt_real slope = fabs(work->push[i][a] * gbt_input_scale[a]);
             if (!(slope <= worst)) worst = slope;
             if (isnan(worst)) return worst;
         }

@@ -48,7 +48,7 @@ void gbt_next_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDE
 {
     gbt_real power[GBT_ORDERS];
     gbt_taylor(GBT_PERIOD, power);
-    for (int o = 0; o < GBT_DEGREE; o++)
+    for (int o = 0; o < GBT_JOINED; o++)
         for (int j = 0; j < GBT_FLAT; j++) {
             gbt_real value = piece[o][j];
             for (int k = 1; o + k < GBT_ORDERS; k++) value += power[k] * piece[o + k][j];
@@ -61,13 +61,13 @@ void gbt_propagate(gbt_real piece[][GBT_ORDERS][GBT_FLAT], int pieces)
     for (int i = 1; i < pieces; i++) gbt_next_piece(piece[i - 1], piece[i]);
 }
 
-void gbt_adjoint(gbt_real gradient[][GBT_ORDERS][GBT_FLAT], int pieces, gbt_real out[][GBT_FLAT])
+void gbt_adjoint(gbt_real gradient[][GBT_ORDERS][GBT_FLAT], int pieces, gbt_real out[][GBT_FREE])
 {
     gbt_real power[GBT_ORDERS];
     gbt_taylor(GBT_PERIOD, power);
     for (int i = pieces - 1; i >= 0; i--) {
-        for (int j = 0; j < GBT_FLAT; j++) out[i][j] = gradient[i][GBT_DEGREE][j];
-        for (int o = 0; o < GBT_DEGREE && i > 0; o++)
+        for (int a = 0; a < GBT_FREE; a++) out[i][a] = *gbt_free(gradient[i], a);
+        for (int o = 0; o < GBT_JOINED && i > 0; o++)
             for (int k = 0; o + k < GBT_ORDERS; k++)
                 for (int j = 0; j < GBT_FLAT; j++) gradient[i - 1][o + k][j] += power[k] * gradient[i][o][j];
     }

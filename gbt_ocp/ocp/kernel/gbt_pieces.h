@@ -1,9 +1,15 @@
 /* The trajectory and its derivatives, piece by piece. A piece is described by the derivatives 0 .. L of the flat output
-   at its beginning; only the L-th is free, the others follow from the piece before. */
+   at its beginning; the first GBT_JOINED of them follow from the piece before, the others are free. */
 #ifndef GBT_PIECES_H
 #define GBT_PIECES_H
 
 #include "gbt_solver.h"
+
+/* Number a of what is free in a piece. */
+static inline gbt_real *gbt_free(gbt_real piece[GBT_ORDERS][GBT_FLAT], int a)
+{
+    return &piece[GBT_JOINED + a / GBT_FLAT][a % GBT_FLAT];
+}
 
 /* power[k] = s^k / k!: how much of derivative o + k at the beginning is in derivative o after s seconds. */
 void gbt_taylor(gbt_real s, gbt_real power[GBT_ORDERS]);
@@ -14,15 +20,15 @@ void gbt_point_after(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real s, gbt_real 
 /* The numbers that constraints need at a share of a piece, from those at its two ends: the last of a place. */
 void gbt_moving_at(const gbt_real *ends, gbt_real share, gbt_real *place);
 
-/* Derivatives 0 .. L-1 at the end of a piece. */
+/* The continuous derivatives at the end of a piece. */
 void gbt_next_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDERS][GBT_FLAT]);
 
-/* Fills derivatives 0 .. L-1 of all pieces but the first from the L-th derivatives. */
+/* Fills the inherited derivatives of all pieces but the first from what is free. */
 void gbt_propagate(gbt_real piece[][GBT_ORDERS][GBT_FLAT], int pieces);
 
-/* Gradient with respect to the L-th derivatives of all pieces, from the one with respect to the numbers of each piece
+/* Gradient with respect to what is free in all pieces, from the one with respect to the numbers of each piece
    (which is spent): the adjoint of gbt_propagate. */
-void gbt_adjoint(gbt_real gradient[][GBT_ORDERS][GBT_FLAT], int pieces, gbt_real out[][GBT_FLAT]);
+void gbt_adjoint(gbt_real gradient[][GBT_ORDERS][GBT_FLAT], int pieces, gbt_real out[][GBT_FREE]);
 
 /* Objective and sides of the limits; returns f, minus the objective. */
 gbt_real gbt_evaluate(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GBT_FLAT], gbt_real *y);

@@ -7,7 +7,7 @@
 #include "gbt_moments.h"
 #include "gbt_pieces.h"
 
-enum { N = GBT_PIECES * GBT_FLAT };
+enum { N = GBT_PIECES * GBT_FREE };
 
 void gbt_plan_init(gbt_planner *planner)
 {
@@ -34,18 +34,19 @@ static gbt_status refuse(gbt_plan_result *plan)
 }
 
 /* The rest of the previous plan, its last piece coasting. */
-static void shift(const gbt_planner *planner, gbt_real top[GBT_PIECES][GBT_FLAT])
+static void shift(const gbt_planner *planner, gbt_real top[GBT_PIECES][GBT_FREE])
 {
     for (int i = 0; i < GBT_PIECES; i++)
-        for (int j = 0; j < GBT_FLAT; j++) top[i][j] = i + 1 < GBT_PIECES ? planner->previous[i + 1][j] : 0;
+        for (int a = 0; a < GBT_FREE; a++) top[i][a] = i + 1 < GBT_PIECES ? planner->previous[i + 1][a] : 0;
 }
 
 /* Constant velocity, a higher derivative brought to zero within the first piece. */
-static void coast(const gbt_real *state, gbt_real top[GBT_PIECES][GBT_FLAT])
+static void coast(const gbt_real *state, gbt_real top[GBT_PIECES][GBT_FREE])
 {
     for (int i = 0; i < GBT_PIECES; i++)
-        for (int j = 0; j < GBT_FLAT; j++)
-            top[i][j] = i == 0 && GBT_DEGREE > 2 ? -state[GBT_STATE - GBT_FLAT + j] / GBT_PERIOD : 0;
+        for (int a = 0; a < GBT_FREE; a++)
+            top[i][a] =
+                i == 0 && a < GBT_FLAT && GBT_JOINED > 2 ? -state[GBT_STATE - GBT_FLAT + a % GBT_FLAT] / GBT_PERIOD : 0;
 }
 
 /* Solves from plan->top, and tightens the limits while the piece that is to be executed breaks them between the nodes.
@@ -54,13 +55,13 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
                           int warm, gbt_plan_result *plan)
 {
     gbt_real u[N], tightening = 0;
-    for (int k = 0; k < N; k++) u[k] = plan->top[k / GBT_FLAT][k % GBT_FLAT] / gbt_input_scale[k % GBT_FLAT];
+    for (int k = 0; k < N; k++) u[k] = plan->top[k / GBT_FREE][k % GBT_FREE] / gbt_input_scale[k % GBT_FREE];
     for (int tightened = 0;; tightened++) {
         gbt_result result;
         gbt_solve(&planner->settings, state, parameters, tightening, warm, u, &planner->work, &result);
         plan->iterations += result.iterations;
         if (result.status != GBT_SOLVED) return result.status;
-        for (int k = 0; k < N; k++) plan->top[k / GBT_FLAT][k % GBT_FLAT] = u[k] * gbt_input_scale[k % GBT_FLAT];
+        for (int k = 0; k < N; k++) plan->top[k / GBT_FREE][k % GBT_FREE] = u[k] * gbt_input_scale[k % GBT_FREE];
         gbt_check(state, &plan->top[0][0], GBT_PIECES, GBT_FINE_POINTS, parameters + GBT_LIMIT_NUMBERS,
                   plan->piece_violation);
         if (plan->piece_violation[0] <= 0) return GBT_SOLVED;
@@ -81,7 +82,7 @@ static void complete(const gbt_real *state, const gbt_real *parameters, gbt_plan
     plan->objective = plan->violation = 0;
     for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = state[a];
     for (int i = 0; i < GBT_PIECES; i++) {
-        for (int j = 0; j < GBT_FLAT; j++) piece[GBT_DEGREE][j] = plan->top[i][j];
+        for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = plan->top[i][a];
         for (int k = 0; k < GBT_PROFILE; k++) {
             gbt_point_after(piece, GBT_PERIOD * (gbt_real)k / (GBT_PROFILE - 1), point);
             gbt_vehicle_inputs(point, 0, 0, plan->thrust[i][k]);
@@ -132,7 +133,7 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
         gbt_brake(state, parameters + GBT_LIMIT_NUMBERS, &plan->top[0][0]);
     }
 
-    for (int k = 0; k < N; k++) planner->previous[k / GBT_FLAT][k % GBT_FLAT] = plan->top[k / GBT_FLAT][k % GBT_FLAT];
+    for (int k = 0; k < N; k++) planner->previous[k / GBT_FREE][k % GBT_FREE] = plan->top[k / GBT_FREE][k % GBT_FREE];
     planner->warm = 1;
     complete(state, parameters, plan);
     return plan->status;

@@ -33,7 +33,7 @@ typedef struct {
     gbt_real objective; /* without penalty */
     gbt_real violation; /* of the true limits, on a fine grid of the whole plan, in units of the limits; 0 inside */
     gbt_real piece_violation[GBT_PIECES];
-    gbt_real top[GBT_PIECES][GBT_FLAT];       /* L-th derivatives of the pieces: with the state, the trajectory */
+    gbt_real top[GBT_PIECES][GBT_FREE];       /* what is free in the pieces: with the state, the trajectory */
     gbt_real endpoints[GBT_PIECES][GBT_FLAT]; /* flat output at the end of each piece */
     gbt_real rates[GBT_PIECES][GBT_FLAT];     /* and its rate */
     gbt_real thrust[GBT_PIECES][GBT_PROFILE][GBT_INPUTS];
@@ -42,7 +42,7 @@ typedef struct {
 typedef struct {
     gbt_settings settings;
     int warm; /* whether there is a previous plan */
-    gbt_real previous[GBT_PIECES][GBT_FLAT];
+    gbt_real previous[GBT_PIECES][GBT_FREE];
     gbt_real parameters[GBT_NUMBERS + 1];
     gbt_workspace work;
 } gbt_planner;
@@ -56,7 +56,7 @@ size_t gbt_planner_bytes(void);
 #if GBT_MOMENTS
 /* Plans from the moments of a forecast.
 
-   state        derivatives 0 .. L-1 of the flat output now, GBT_DEGREE x GBT_FLAT
+   state        continuous derivatives of the flat output now, itself first, GBT_JOINED x GBT_FLAT
    mean         of the target's position at the endpoints t + T, t + 2 T, ..., GBT_PIECES x GBT_DIMENSION, m; where
                 GBT_PRESENT is 1, limits depend on the target, and the mean at t comes first: one row more
    covariance   the same, as many x GBT_DIMENSION x GBT_DIMENSION, m^2

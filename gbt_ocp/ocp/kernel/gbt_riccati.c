@@ -5,18 +5,18 @@
 #include "gbt_pieces.h"
 
 /* Solves L x = b and then L' x = b in place. */
-static void forward(gbt_real factor[GBT_FLAT][GBT_FLAT], gbt_real *x)
+static void forward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
 {
-    for (int a = 0; a < GBT_FLAT; a++) {
+    for (int a = 0; a < GBT_FREE; a++) {
         for (int c = 0; c < a; c++) x[a] -= factor[a][c] * x[c];
         x[a] /= factor[a][a];
     }
 }
 
-static void backward(gbt_real factor[GBT_FLAT][GBT_FLAT], gbt_real *x)
+static void backward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
 {
-    for (int a = GBT_FLAT - 1; a >= 0; a--) {
-        for (int c = a + 1; c < GBT_FLAT; c++) x[a] -= factor[c][a] * x[c];
+    for (int a = GBT_FREE - 1; a >= 0; a--) {
+        for (int c = a + 1; c < GBT_FREE; c++) x[a] -= factor[c][a] * x[c];
         x[a] /= factor[a][a];
     }
 }
@@ -29,7 +29,7 @@ static void add_rest(const gbt_real *power, gbt_real rest[GBT_STATE][GBT_STATE],
         for (int l = 0; l < GBT_ORDERS; l++)
             for (int j = 0; j < GBT_FLAT; j++) {
                 gbt_real value = 0;
-                for (int o = 0; o < GBT_DEGREE && o <= l; o++) value += rest[row][o * GBT_FLAT + j] * power[l - o];
+                for (int o = 0; o < GBT_JOINED && o <= l; o++) value += rest[row][o * GBT_FLAT + j] * power[l - o];
                 product[l * GBT_FLAT + j] = value;
             }
         const gbt_real *factor = power;
@@ -49,14 +49,17 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
         for (int a = 0; a < GBT_STATE && i == work->pieces - 1; a++)
             for (int c = 0; c < GBT_STATE; c++) rest[a][c] = 0;
         for (int a = 0; a < GBT_FLAT; a++) {
-            const gbt_real unit = gbt_input_scale[a] * pow(GBT_PERIOD, (gbt_real)(GBT_DEGREE - 1));
+            const gbt_real unit = gbt_input_scale[a] * pow(GBT_PERIOD, (gbt_real)(GBT_JOINED - 1));
             rest[GBT_FLAT + a][GBT_FLAT + a] += delta / (unit * unit);
         }
+        /* what the rate at the end does not see */
+        for (int a = GBT_FLAT; a < GBT_FREE; a++)
+            h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
         add_rest(power, rest, h);
 
-        /* Cholesky factor of its part in the L-th derivative. */
-        gbt_real(*factor)[GBT_FLAT] = work->factor[i];
-        for (int a = 0; a < GBT_FLAT; a++) {
+        /* Cholesky factor of its part in what is free. */
+        gbt_real(*factor)[GBT_FREE] = work->factor[i];
+        for (int a = 0; a < GBT_FREE; a++) {
             const gbt_real natural = fabs(h[GBT_STATE + a][GBT_STATE + a]);
             for (int c = 0; c <= a; c++) {
                 gbt_real value = h[GBT_STATE + a][GBT_STATE + c];
@@ -72,15 +75,15 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
 
         /* Eliminate it: the gain, and the model of the rest as a function of the state. */
         for (int c = 0; c < GBT_STATE; c++) {
-            gbt_real column[GBT_FLAT];
-            for (int a = 0; a < GBT_FLAT; a++) column[a] = h[GBT_STATE + a][c];
+            gbt_real column[GBT_FREE];
+            for (int a = 0; a < GBT_FREE; a++) column[a] = h[GBT_STATE + a][c];
             forward(factor, column);
-            for (int a = 0; a < GBT_FLAT; a++) work->gain[i][a][c] = column[a];
+            for (int a = 0; a < GBT_FREE; a++) work->gain[i][a][c] = column[a];
         }
         for (int a = 0; a < GBT_STATE; a++)
             for (int c = 0; c <= a; c++) {
                 gbt_real value = h[a][c];
-                for (int k = 0; k < GBT_FLAT; k++) value -= work->gain[i][k][a] * work->gain[i][k][c];
+                for (int k = 0; k < GBT_FREE; k++) value -= work->gain[i][k][a] * work->gain[i][k][c];
                 rest[a][c] = rest[c][a] = value;
             }
     }
@@ -93,26 +96,27 @@ void gbt_newton_step(gbt_workspace *work, gbt_real gradient[][GBT_ORDERS][GBT_FL
     gbt_taylor(GBT_PERIOD, power);
     for (int i = work->pieces - 1; i >= 0; i--) {
         gbt_real *push = work->push[i];
-        for (int a = 0; a < GBT_FLAT; a++) push[a] = -gradient[i][GBT_DEGREE][a];
+        for (int a = 0; a < GBT_FREE; a++) push[a] = -*gbt_free(gradient[i], a);
         forward(work->factor[i], push);
         if (i == 0) continue;
-        for (int o = 0; o < GBT_DEGREE; o++)
+        for (int o = 0; o < GBT_JOINED; o++)
             for (int j = 0; j < GBT_FLAT; j++) {
                 gbt_real slope = gradient[i][o][j];
-                for (int k = 0; k < GBT_FLAT; k++) slope += work->gain[i][k][o * GBT_FLAT + j] * push[k];
+                for (int k = 0; k < GBT_FREE; k++) slope += work->gain[i][k][o * GBT_FLAT + j] * push[k];
                 for (int k = 0; o + k < GBT_ORDERS; k++) gradient[i - 1][o + k][j] += power[k] * slope;
             }
     }
-    for (int o = 0; o < GBT_DEGREE; o++)
+    for (int o = 0; o < GBT_JOINED; o++)
         for (int j = 0; j < GBT_FLAT; j++) work->step[0][o][j] = 0;
     for (int i = 0; i < work->pieces; i++) {
-        gbt_real *top = work->step[i][GBT_DEGREE];
-        for (int a = 0; a < GBT_FLAT; a++) {
-            top[a] = work->push[i][a];
+        gbt_real free[GBT_FREE];
+        for (int a = 0; a < GBT_FREE; a++) {
+            free[a] = work->push[i][a];
             for (int c = 0; c < GBT_STATE; c++)
-                top[a] -= work->gain[i][a][c] * work->step[i][c / GBT_FLAT][c % GBT_FLAT];
+                free[a] -= work->gain[i][a][c] * work->step[i][c / GBT_FLAT][c % GBT_FLAT];
         }
-        backward(work->factor[i], top);
+        backward(work->factor[i], free);
+        for (int a = 0; a < GBT_FREE; a++) *gbt_free(work->step[i], a) = free[a];
         if (i + 1 < work->pieces) gbt_next_piece(work->step[i], work->step[i + 1]);
     }
 }

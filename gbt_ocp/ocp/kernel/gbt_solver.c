@@ -42,29 +42,30 @@ static void load(const gbt_real *start, const gbt_real *parameters, int first, i
     for (int a = 0; a < GBT_STATE; a++) work->piece[0][a / GBT_FLAT][a % GBT_FLAT] = start[a];
     for (int i = 0; i < first + pieces; i++) {
         gbt_real(*piece)[GBT_FLAT] = work->piece[i < first ? 0 : i - first];
-        for (int j = 0; j < GBT_FLAT; j++) piece[GBT_DEGREE][j] = u[i * GBT_FLAT + j] * gbt_input_scale[j];
+        for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = u[i * GBT_FREE + a] * gbt_input_scale[a];
         if (i < first) gbt_next_piece(piece, piece);
     }
     gbt_propagate(work->piece, pieces);
 }
 
-static void store(const gbt_workspace *work, int first, gbt_real *u)
+static void store(gbt_workspace *work, int first, gbt_real *u)
 {
     for (int i = 0; i < work->pieces; i++)
-        for (int j = 0; j < GBT_FLAT; j++)
-            u[(first + i) * GBT_FLAT + j] = work->piece[i][GBT_DEGREE][j] / gbt_input_scale[j];
+        for (int a = 0; a < GBT_FREE; a++)
+            u[(first + i) * GBT_FREE + a] = *gbt_free(work->piece[i], a) / gbt_input_scale[a];
 }
 
 /* Constant velocity, and a little thrust to one side: a start that is symmetric about the line of sight gives steps that
-   are so too, and may creep along a ridge between two plans. With L > 2 the highest inherited derivative is brought to
-   zero within the first piece. */
+   are so too, and may creep along a ridge between two plans. An inherited acceleration, or what is inherited above it, is
+   brought to zero within the first piece. */
 static void coast_aside(const gbt_real *start, gbt_real *u)
 {
+    for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) u[k] = 0;
     for (int i = 0; i < GBT_PIECES; i++)
         for (int j = 0; j < GBT_FLAT; j++) {
-            gbt_real *top = &u[i * GBT_FLAT + j];
-            *top = ASIDE * (gbt_real)(GBT_FLAT - j) / GBT_FLAT;
-            if (i == 0 && GBT_DEGREE > 2) *top -= start[GBT_STATE - GBT_FLAT + j] / GBT_PERIOD / gbt_input_scale[j];
+            gbt_real *lowest = &u[i * GBT_FREE + j];
+            *lowest = ASIDE * (gbt_real)(GBT_FLAT - j) / GBT_FLAT;
+            if (i == 0 && GBT_JOINED > 2) *lowest -= start[GBT_STATE - GBT_FLAT + j] / GBT_PERIOD / gbt_input_scale[j];
         }
 }
 
@@ -97,11 +98,11 @@ gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const 
     result->residual = result->violation = HUGE_VAL;
     result->objective = -HUGE_VAL;
     if (!gbt_all_finite(start, GBT_STATE) || !gbt_all_finite(parameters, GBT_NUMBERS) ||
-        !gbt_all_finite(u, GBT_PIECES * GBT_FLAT) || !isfinite(tightening))
+        !gbt_all_finite(u, GBT_PIECES * GBT_FREE) || !isfinite(tightening))
         return result->status;
 
     work->tightening = tightening;
-    for (int k = 0; k < GBT_PIECES * GBT_FLAT; k++) work->guess[k] = u[k];
+    for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) work->guess[k] = u[k];
     if (warm && GBT_PIECES > SHORT) solve_tail(settings, start, parameters, work->guess, work, result);
     result->status = GBT_NUMERICAL_FAILURE;
     do {

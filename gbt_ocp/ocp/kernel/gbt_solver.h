@@ -11,7 +11,8 @@
 
 #define GBT_ORDERS (GBT_DEGREE + 1)           /* derivatives 0 .. L of the flat output describe a piece */
 #define GBT_PIECE (GBT_ORDERS * GBT_FLAT)     /* numbers that describe a piece */
-#define GBT_STATE (GBT_DEGREE * GBT_FLAT)     /* derivatives 0 .. L-1: what a piece inherits from the one before */
+#define GBT_STATE (GBT_JOINED * GBT_FLAT)     /* the continuous derivatives: what a piece inherits from the one before */
+#define GBT_FREE (GBT_PIECE - GBT_STATE)      /* those above them, up to the L-th: what is free in a piece */
 #define GBT_POINT (3 * GBT_FLAT)              /* z, its rate and its acceleration at one time */
 #define GBT_PLACE (GBT_POINT + GBT_MOVING)    /* the same, and the numbers that constraints need at that time */
 
@@ -62,9 +63,9 @@ typedef struct {
     gbt_real curvature[GBT_PIECES][GBT_PIECE][GBT_PIECE];
     gbt_real jacobian[GBT_JACOBIANS];
     /* the Riccati recursion */
-    gbt_real factor[GBT_PIECES][GBT_FLAT][GBT_FLAT];
-    gbt_real gain[GBT_PIECES][GBT_FLAT][GBT_STATE];
-    gbt_real push[GBT_PIECES][GBT_FLAT];
+    gbt_real factor[GBT_PIECES][GBT_FREE][GBT_FREE];
+    gbt_real gain[GBT_PIECES][GBT_FREE][GBT_STATE];
+    gbt_real push[GBT_PIECES][GBT_FREE];
     /* limits: y = e + s - t - width, with weight c, multipliers lambda of t and c - lambda of s */
     gbt_real c[GBT_SIDES], width[GBT_SIDES];
     gbt_real y[GBT_SIDES], y_trial[GBT_SIDES], dy[GBT_SIDES];
@@ -72,7 +73,7 @@ typedef struct {
     gbt_real de[GBT_SIDES], dlambda[GBT_SIDES];
     gbt_real sigma[GBT_SIDES], shift[GBT_SIDES], target[GBT_SIDES];
     /* what the present solve is about */
-    gbt_real guess[GBT_PIECES * GBT_FLAT];
+    gbt_real guess[GBT_PIECES * GBT_FREE];
     int pieces, count; /* of the part of the horizon that is being solved: pieces, and sides of their limits */
     const gbt_real *parameters, *moving;
     gbt_real tightening, f, f_trial;
@@ -86,12 +87,12 @@ size_t gbt_workspace_bytes(void);
 
 /* Solves one instance.
 
-   start        derivatives 0 .. L-1 of the flat output, GBT_DEGREE x GBT_FLAT
+   start        continuous derivatives of the flat output, itself first, GBT_JOINED x GBT_FLAT
    parameters   of the objective, GBT_PIECES x GBT_PARAMETERS, then of the limits at the boundaries of the pieces,
                 (GBT_PIECES + 1) x GBT_MOVING
    tightening   moves every bound inwards, in units of the limits
    warm         whether the guess is near a solution
-   u            GBT_PIECES x GBT_FLAT: in, the guess; out, the solution; L-th derivatives over gbt_input_scale */
+   u            GBT_PIECES x GBT_FREE: in, the guess; out, the solution; what is free in a piece over gbt_input_scale */
 gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,
                      gbt_real tightening, int warm, gbt_real *u, gbt_workspace *work, gbt_result *result);
 
