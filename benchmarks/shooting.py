@@ -33,6 +33,9 @@ from gbt_ocp.vehicles import FossenVehicle
 
 PERIOD = 0.1
 
+FREER = ("flat, degree 3, C1", "flat, degree 4, C1")
+"""Flat pieces that share only position and velocity."""
+
 
 def cold_problems(dimension: int, pieces: int, count: int) -> Iterator[tuple[np.ndarray, dict[str, Any]]]:
     """Random states, forecasts and desired bearings: metres away, at about 1 m/s."""
@@ -96,7 +99,7 @@ def gap(arguments: argparse.Namespace) -> None:
                 ("without drag, yaw locked", without_drag(plain), ", yaw locked", ("flat", "thrust")),
             ]
         else:
-            studied = [("the vehicle", plain, "", ("flat", "flat, half pieces", "body acceleration", "thrust"))]
+            studied = [("the vehicle", plain, "", ("flat", *FREER, "flat, half pieces", "body acceleration", "thrust"))]
         print(f"\nd = {d}, p = {pieces}, range pull {pull}, {len(problems)} problems")
         print_header(
             "vehicle",
@@ -170,7 +173,7 @@ def starts(arguments: argparse.Namespace) -> None:
 STATES = {"at rest": (0.0, 0.0, 0.0), "2 m/s ahead": (2.0, 0.0, 0.0), "2 m/s ahead, turning 6 rad/s": (2.0, 0.0, 6.0)}
 """Velocities and yaw rate from which the reach is measured."""
 
-REACHING = ("flat", "flat, half pieces", "body acceleration", "thrust")
+REACHING = ("flat", *FREER, "flat, half pieces", "body acceleration", "thrust")
 
 
 def reach(arguments: argparse.Namespace) -> None:
@@ -305,14 +308,21 @@ HELD = (
     "flat, degree 3",
     "flat, degree 4",
     "flat, degree 5",
+    *FREER,
     "body acceleration",
     "flat, half pieces",
     "thrust",
 )
 SETTINGS = ";".join(
     [f"case2:paper:0:5:{name}" for name in HELD]
-    + [f"case2:paper:0:10:{name}" for name in ("flat", "thrust")]
-    + ["case2:paper:0.02:5:flat", "case2:default:0.2:5:flat", "case2:default:0.2:5:thrust", "case2:default:0.2:10:flat"]
+    + [f"case2:paper:0:10:{name}" for name in ("flat", "thrust", FREER[1])]
+    + [
+        "case2:paper:0.02:5:flat",
+        "case2:default:0.2:5:flat",
+        "case2:default:0.2:5:thrust",
+        f"case2:default:0.2:5:{FREER[1]}",
+        "case2:default:0.2:10:flat",
+    ]
 )
 """Closed loops; ``preset`` chooses the tracker, ``pull`` the planner's range pull."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -98,12 +98,14 @@ class Form:
         point = point_symbols(problem.vehicle.flat_dimension)
         self._inputs = ca.Function("inputs", list(point), [problem.vehicle.inputs(*point)])
         holds = 1 if shooting is None else shooting.holds
-        self.shape = (problem.pieces * holds, problem.vehicle.flat_dimension)
+        held = problem.freedoms if shooting is None else problem.vehicle.flat_dimension
+        self.shape = (problem.pieces * holds, held)
 
     def start(self, state: np.ndarray) -> np.ndarray:
         """The state as this form takes it: derivatives beyond the velocity are zero, a locked yaw is left out."""
-        out = np.zeros((self.problem.degree, self.shape[1]))
-        out[:2] = state[:2, : self.shape[1]]
+        n = self.problem.vehicle.flat_dimension
+        out = np.zeros((self.problem.joined, n))
+        out[:2] = state[:2, :n]
         return out
 
     def through(self, state: np.ndarray, endpoints: np.ndarray) -> np.ndarray:
@@ -136,7 +138,7 @@ class Form:
         found = planner.solver.solve(start, parameters, unknowns, cold=True, tightening=0.0)
         trajectory = FlatTrajectory(self.problem.period, start, found.variables * input_scale(self.problem))
         value, peak = planner.objective(trajectory, parameters), 1.0 + float(self._check(trajectory).max())
-        points = [part.reshape(-1, self.shape[1]).T for part in trajectory.sample(FINE_POINTS)]
+        points = [part.reshape(-1, start.shape[1]).T for part in trajectory.sample(FINE_POINTS)]
         loads = np.abs(np.asarray(self._inputs(*points))) / self.problem.vehicle.thrust_max[:, None]
         used = float(loads.max(axis=0).mean())
         return Outcome(found.solved, value, trajectory.endpoints, peak, used, found.iterations, found.variables)
@@ -148,10 +150,10 @@ def falcon(dimension: int) -> FossenVehicle:
 
 
 def posed(
-    vehicle: Vehicle, pieces: int, objectives: tuple[Objective, ...], degree: int, nodes: int
+    vehicle: Vehicle, pieces: int, objectives: tuple[Objective, ...], degree: int, continuity: int | None, nodes: int
 ) -> TrajectoryProblem:
     """The problem of the six cases with hard limits."""
-    problem = TrajectoryProblem(vehicle, pieces, 0.1, degree)
+    problem = TrajectoryProblem(vehicle, pieces, 0.1, degree, continuity)
     for term in objectives:
         problem = problem.maximize(term)
     return problem.subject_to(ThrustLimit(vehicle, 0.98), nodes=nodes)
@@ -177,28 +179,38 @@ class Reach:
         return {"direction": np.asarray(data["directions"], dtype=float)[:pieces, :, None]}
 
 
+class Kind(NamedTuple):
+    """What a form is: degree and continuity of a flat one, nodes a piece, a planner if not the package's own."""
+
+    degree: int = 2
+    continuity: int | None = None
+    nodes: int = 4
+    planner: type[ShootingPlanner] | None = None
+
+
 FORMS = {
-    "flat": (2, None),
-    "flat, degree 3": (3, None),
-    "flat, degree 4": (4, None),
-    "flat, degree 5": (5, None),
-    "flat, half pieces": (2, HalfPeriods),
-    "body acceleration": (2, HeldBodyAcceleration),
-    "thrust": (2, ShootingPlanner),
-    "thrust, half periods": (2, HalfThrust),
+    "flat": Kind(),
+    "flat, degree 3": Kind(3),
+    "flat, degree 4": Kind(4),
+    "flat, degree 5": Kind(5),
+    "flat, degree 3, C1": Kind(3, 1, 6),
+    "flat, degree 4, C1": Kind(4, 1, 8),
+    "flat, half pieces": Kind(planner=HalfPeriods),
+    "body acceleration": Kind(planner=HeldBodyAcceleration),
+    "thrust": Kind(planner=ShootingPlanner),
+    "thrust, half periods": Kind(planner=HalfThrust),
 }
-"""Name to degree and planner; without a planner it is the package's own."""
+"""By name. Pieces of a higher degree move more between two nodes, so they have more of them where they are free to."""
 
 
-def make(
-    name: str, vehicle: Vehicle, pieces: int, objectives: tuple[Objective, ...], nodes: int = 4, solver: str = "ipopt"
-) -> Form:
+def make(name: str, vehicle: Vehicle, pieces: int, objectives: tuple[Objective, ...], solver: str = "ipopt") -> Form:
     """A form of :data:`FORMS`; with ``, yaw locked`` behind its name for a vehicle that cannot turn.
 
     ``solver`` is the flat forms'; IPOPT, so that a difference is not one of tolerances (the compiled solver stops about
     0.0005 short of these objectives).
     """
     base, locked, _ = name.partition(", yaw locked")
-    degree, shooting = FORMS[base]
+    kind = FORMS[base]
     own: Any = YawLocked(vehicle) if locked and isinstance(vehicle, FossenVehicle) else vehicle
-    return Form(name, posed(own, pieces, objectives, degree, nodes), shooting, solver)
+    problem = posed(own, pieces, objectives, kind.degree, kind.continuity, kind.nodes)
+    return Form(name, problem, kind.planner, solver)
