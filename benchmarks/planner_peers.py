@@ -52,11 +52,12 @@ class Ours(NamedTuple):
 
 
 OURS = {
+    "compiled, degree 3, C1": Ours(CompiledSolver, 3, 1, 6),
     "compiled, degree 4, C1": Ours(CompiledSolver, 4, 1, 8),
     "compiled": Ours(CompiledSolver, 2, None, 4),
     "IPOPT": Ours(IpoptSolver, 2, None, 4),
 }
-"""The first is what the peers are held against: its pieces are as free as theirs. The others are the paper's form."""
+"""The first is what the peers are held against: its pieces are as free as theirs. The last two are the paper's form."""
 
 SETTLING = 2.0
 """Seconds after which errors of a closed loop count."""

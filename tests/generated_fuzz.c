@@ -84,6 +84,14 @@ static void draw(uint64_t *s, problem *x)
     }
 }
 
+/* Derivative o of flat output j after s seconds of a piece. */
+static double after(double z[GBT_ORDERS][GBT_FLAT], int o, int j, double s)
+{
+    double value = 0;
+    for (int k = GBT_DEGREE - o; k > 0; k--) value = (value + z[o + k][j]) * s / k;
+    return value + z[o][j];
+}
+
 static const char *judge(const problem *x, const gbt_planner *planner, const gbt_plan_result *plan)
 {
     const double t = GBT_PERIOD;
@@ -96,16 +104,14 @@ static const char *judge(const problem *x, const gbt_planner *planner, const gbt
     if (plan->status != GBT_SOLVED && plan->origin == GBT_PLANNED) return "planned, but not solved";
     for (int a = 0; a < GBT_STATE; a++) z[a / GBT_FLAT][a % GBT_FLAT] = x->state[a];
     for (int i = 0; i < GBT_PIECES; i++) {
-        for (int j = 0; j < GBT_FLAT; j++) z[2][j] = plan->top[i][j];
+        for (int a = 0; a < GBT_FREE; a++) z[GBT_JOINED + a / GBT_FLAT][a % GBT_FLAT] = plan->top[i][a];
         /* the planner's own grid, and for a plan that is called solved a finer one as well */
         const int intervals = plan->status == GBT_SOLVED ? 400 : GBT_FINE_POINTS - 1;
         for (int k = 0; k <= intervals && i == 0; k++) {
             const double s = t * k / intervals;
             double point[GBT_POINT], thrust[GBT_INPUTS];
             for (int j = 0; j < GBT_FLAT; j++) {
-                point[j] = z[0][j] + s * z[1][j] + s * s / 2 * z[2][j];
-                point[GBT_FLAT + j] = z[1][j] + s * z[2][j];
-                point[2 * GBT_FLAT + j] = z[2][j];
+                for (int o = 0; o < 3; o++) point[o * GBT_FLAT + j] = after(z, o, j, s);
             }
             gbt_vehicle_inputs(point, 0, 0, thrust);
             for (int m = 0; m < GBT_INPUTS; m++) {
@@ -113,13 +119,13 @@ static const char *judge(const problem *x, const gbt_planner *planner, const gbt
                 if (!(over <= worst)) worst = over;
             }
         }
+        for (int a = 0; a < GBT_FREE; a++)
+            if (!isfinite(plan->top[i][a])) return "a plan that is not finite";
         for (int j = 0; j < GBT_FLAT; j++) {
-            const double end = z[0][j] + t * z[1][j] + t * t / 2 * z[2][j], room = 1e-12 * (1 + fabs(end));
-            if (!isfinite(plan->endpoints[i][j]) || !isfinite(plan->rates[i][j]) || !isfinite(plan->top[i][j]))
-                return "a plan that is not finite";
+            const double end = after(z, 0, j, t), room = 1e-12 * (1 + fabs(end));
+            if (!isfinite(plan->endpoints[i][j]) || !isfinite(plan->rates[i][j])) return "a plan that is not finite";
             if (!(fabs(plan->endpoints[i][j] - end) <= room)) return "endpoints that are not the trajectory's";
-            z[0][j] = end;
-            z[1][j] += t * z[2][j];
+            for (int o = 0; o < GBT_JOINED; o++) z[o][j] = after(z, o, j, t);
         }
     }
     if (isnan(plan->objective) || isnan(plan->violation)) return "objective or violation is no number";
