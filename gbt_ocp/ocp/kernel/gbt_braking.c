@@ -7,6 +7,7 @@
 
 #define SHARES 12 /* from drifting to stopping by halves: a stop may take a thousand times the thrust there is */
 #define ROUNDS 12 /* of the pattern search around the best of the family */
+#define AT_REST ((gbt_real)1e-16) /* sum of squares of speeds, over their scales, that counts as none */
 
 /* The best lowest free derivative of a piece so far, those above it being zero: what breaks the limits less, and among those that keep them ends slower. */
 typedef struct {
@@ -54,7 +55,10 @@ static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], const gbt_real *mo
         }
         if (!isfinite(drift[j])) drift[j] = 0;
         best.top[j] = drift[j];
+        piece[GBT_JOINED][j] = stop[j];
     }
+    improve(piece, moving, &best);
+    if (best.broken == 0 && best.speed < AT_REST) return; /* nothing ends slower */
     for (int a = 0; a < SHARES; a++)
         for (int b = 0; b < 4; b++) {
             /* Yaw brakes by its own share: a fast turn and a fast drift need different ones. */
