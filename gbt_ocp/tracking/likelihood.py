@@ -75,6 +75,25 @@ class LogLikelihood:
         self._values = measurements.relative_to(centre)
         self._variances = measurements.variances
         self._nugget = nugget
+        self._known = bool(np.any(self._variances))
+        self._further = (nugget is None) + self._known
+        self._turn = self._turned()
+
+    def _turned(self) -> Array:
+        """∂Ω/∂θ ``(p, q)`` as sums of what is expanded: shapes, nugget, the rows' own variances, and Ω itself.
+
+        The amplitude scales all of Ω but the rows' own variances V: its slope is ``2 (Ω - V)``, and that of Ω needs no
+        solution of a linear system.
+        """
+        shapes, tuned = len(self._kernel.names), self._nugget is None
+        turn = np.zeros((shapes + 1 + tuned, shapes + self._further + 1))
+        turn[:shapes, :shapes] = np.eye(shapes)
+        if self._known:
+            turn[shapes, -2] = -2.0
+        turn[shapes, -1] = 2.0
+        if tuned:
+            turn[shapes + 1, shapes] = 1.0
+        return turn
 
     def __call__(self, log_theta: Array) -> tuple[float, Array]:
         """Value and gradient by log θ; see :meth:`expand`."""
@@ -93,18 +112,20 @@ class LogLikelihood:
         nugget = np.exp(log_theta[shapes + 1]) if self._nugget is None else self._nugget
         k, derivatives = self._kernel.derivatives(self._lag, log_theta[:shapes])
         scaled = variance * self._gram
-        rows = len(scaled)
-        slopes = np.zeros((len(log_theta), rows, rows))
+        slopes = np.empty((shapes + self._further, *scaled.shape))
         for slope, dk in zip(slopes, derivatives, strict=False):
             np.multiply(scaled, dk, out=slope)
-        omega = scaled * k
+        slopes[shapes:] = 0.0
+        omega = np.multiply(scaled, k, out=scaled)
         diagonal = np.einsum("ii->i", omega)  # a view
         diagonal += variance * nugget
-        np.multiply(omega, 2.0, out=slopes[shapes])
-        diagonal += self._variances
         if self._nugget is None:
-            np.einsum("ii->i", slopes[-1])[:] = variance * nugget
-        return gaussian_expansion(self._values, omega, slopes)
+            np.einsum("ii->i", slopes[shapes])[:] = variance * nugget
+        if self._known:
+            diagonal += self._variances
+            np.einsum("ii->i", slopes[-1])[:] = self._variances
+        value, gradient, information = scaled_expansion(self._values, omega, slopes)
+        return value, self._turn @ gradient, self._turn @ information @ self._turn.T
 
 
 class Likelihood(Protocol):
@@ -112,6 +133,26 @@ class Likelihood(Protocol):
 
     def expand(self, log_theta: Array) -> tuple[float, Array, Array]:
         """Value, gradient and Fisher information at θ; may raise :class:`NotPositiveDefiniteError`."""
+
+
+def scaled_expansion(values: Array, omega: Array, slopes: Array) -> tuple[float, Array, Array]:
+    """:func:`gaussian_expansion` with a further, last parameter: the logarithm of a factor on all of Ω."""
+    count, rows, _ = slopes.shape
+    factor = cholesky(omega)
+    weights = lapack.dpotrs(factor, values, lower=1)[0]
+    square = values @ weights
+    value = -0.5 * (square + rows * LOG_TWO_PI) - np.log(factor.diagonal()).sum()
+    # B_i = L⁻¹ ∂Ω/∂θ_i L⁻ᵀ has the traces of W_i, is symmetric and costs products only; of Ω itself it is I
+    inverse = lapack.dtrtri(factor, lower=1)[0]
+    whitened = (inverse @ slopes @ inverse.T).reshape(count, -1)
+    gradient, information = np.empty(count + 1), np.empty((count + 1, count + 1))
+    traces = whitened[:, :: rows + 1].sum(axis=1)
+    gradient[:-1] = 0.5 * ((slopes @ weights) @ weights - traces)
+    gradient[-1] = 0.5 * (square - rows)
+    information[:-1, :-1] = 0.5 * (whitened @ whitened.T)
+    information[-1, :-1] = information[:-1, -1] = 0.5 * traces
+    information[-1, -1] = 0.5 * rows
+    return float(value), gradient, information
 
 
 def gaussian_expansion(values: Array, omega: Array, slopes: Array) -> tuple[float, Array, Array]:
@@ -134,17 +175,8 @@ def gaussian_expansion(values: Array, omega: Array, slopes: Array) -> tuple[floa
     NotPositiveDefiniteError
         If Ω has no Cholesky factor.
     """
-    count, rows, _ = slopes.shape
-    factor = cholesky(omega)
-    weights = lapack.dpotrs(factor, values, lower=1)[0]
-    value = -0.5 * (values @ weights + rows * LOG_TWO_PI) - np.log(factor.diagonal()).sum()
-    # all right-hand sides at once; what comes out of them in this order are the W_iᵀ
-    relative = lapack.dpotrs(factor, slopes.reshape(-1, rows).T, lower=1)[0].T.reshape(count, -1)
-    # tr(W_i W_j) is the sum of the products of W_iᵀ's entries with those of W_j
-    turned = relative.reshape(slopes.shape).swapaxes(1, 2).reshape(count, -1)
-    gradient = 0.5 * ((slopes @ weights) @ weights - relative[:, :: rows + 1].sum(axis=1))
-    information = 0.5 * (relative @ turned.T)
-    return float(value), gradient, information
+    value, gradient, information = scaled_expansion(values, omega, slopes)
+    return value, gradient[:-1], information[:-1, :-1]
 
 
 def maximise(
