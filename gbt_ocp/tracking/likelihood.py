@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -22,7 +23,10 @@ EVALUATIONS = 40
 LONGEST_STEP = 2.0
 """Largest change of the logarithm of a hyperparameter in one step."""
 
-LOG_TWO_PI = float(np.log(2.0 * np.pi))
+SMALLEST_FALL = 0.02
+"""Fall of the gradient along a step, relative to what was expected, below which it tells nothing of the curvature."""
+
+LOG_TWO_PI = math.log(2.0 * math.pi)
 
 GAIN = 1.0e-5
 """Expected gain in log likelihood below which tuning stops: far less than would change a posterior visibly."""
@@ -45,8 +49,8 @@ class LogNormal:
 
     def __call__(self, log_value: float) -> tuple[float, float]:
         """Log density up to a constant, and its derivative."""
-        excess = (log_value - np.log(self.median)) / self.spread
-        return float(-0.5 * excess**2), float(-excess / self.spread)
+        excess = (float(log_value) - math.log(self.median)) / self.spread
+        return -0.5 * excess**2, -excess / self.spread
 
 
 class LogLikelihood:
@@ -108,22 +112,21 @@ class LogLikelihood:
             If Ω has no Cholesky factor.
         """
         shapes = len(self._kernel.names)
-        variance = np.exp(2.0 * log_theta[shapes])
-        nugget = np.exp(log_theta[shapes + 1]) if self._nugget is None else self._nugget
+        variance = math.exp(2.0 * log_theta[shapes])
+        nugget = math.exp(log_theta[shapes + 1]) if self._nugget is None else self._nugget
         k, derivatives = self._kernel.derivatives(self._lag, log_theta[:shapes])
         scaled = variance * self._gram
         slopes = np.empty((shapes + self._further, *scaled.shape))
         for slope, dk in zip(slopes, derivatives, strict=False):
             np.multiply(scaled, dk, out=slope)
-        slopes[shapes:] = 0.0
         omega = np.multiply(scaled, k, out=scaled)
-        diagonal = np.einsum("ii->i", omega)  # a view
-        diagonal += variance * nugget
+        diagonal = slice(None, None, len(omega) + 1)  # of a flattened matrix
+        omega.reshape(-1)[diagonal] += variance * nugget + self._variances
+        slopes[shapes:] = 0.0
         if self._nugget is None:
-            np.einsum("ii->i", slopes[shapes])[:] = variance * nugget
+            slopes[shapes].reshape(-1)[diagonal] = variance * nugget
         if self._known:
-            diagonal += self._variances
-            np.einsum("ii->i", slopes[-1])[:] = self._variances
+            slopes[-1].reshape(-1)[diagonal] = self._variances
         value, gradient, information = scaled_expansion(self._values, omega, slopes)
         return value, self._turn @ gradient, self._turn @ information @ self._turn.T
 
@@ -188,43 +191,67 @@ def maximise(
     """The log θ that maximises likelihood times priors within bounds, from a start, by Fisher scoring.
 
     Newton's method with the Fisher information for the Hessian: it is always positive semidefinite, comes almost free
-    with the gradient, and from a warm start needs a handful of evaluations. A step that does not improve is damped. A
-    parameter whose bounds coincide stays fixed. Points at which Ω is not positive definite count as worthless; if the
-    start is one, it is returned as it is.
+    with the gradient, and with what the last steps taught of the curvature (:func:`_corrected`) a warm start needs a
+    handful of evaluations. A step that does not improve is damped, and what was taught is forgotten. A parameter whose
+    bounds coincide stays fixed. Points at which Ω is not positive definite count as worthless; if the start is one, it
+    is returned as it is.
     """
     low, high = np.array(bounds, dtype=float).T
+    tuned = high > low
     theta: Array = np.clip(np.asarray(start, dtype=float), low, high)
     here = _posterior_expansion(likelihood, theta, priors)
     if here is None:
         return theta
     value, gradient, information = here
-    damping = 0.0
+    damping, correction = 0.0, np.zeros_like(information)
     for _ in range(EVALUATIONS):
         # what the gradient would push through its bound stays there
-        free = (high > low) & ~((theta <= low) & (gradient <= 0.0)) & ~((theta >= high) & (gradient >= 0.0))
-        if not free.any():
+        free = tuned & ((theta > low) | (gradient > 0.0)) & ((theta < high) | (gradient < 0.0))
+        if not any(free.tolist()):
             break
-        step = _scoring_step(information, gradient, free, damping)
-        # as far as a quadratic in the logarithms can be trusted
-        step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-300))
+        step = _limited(_scoring_step(information + correction, gradient, free, damping))
         if float(gradient @ step) < GAIN:
-            break
+            # the Fisher information has the last word: a correction from few steps may be wrong elsewhere
+            step = _limited(_scoring_step(information, gradient, free, damping))
+            if float(gradient @ step) < GAIN:
+                break
         trial = np.minimum(np.maximum(theta + step, low), high)
         there = _posterior_expansion(likelihood, trial, priors)
         if there is not None and there[0] > value:
+            correction = _corrected(correction, there[2], trial - theta, gradient - there[1])
             theta, damping = trial, damping / 4.0 if damping > 1e-3 else 0.0
             value, gradient, information = there
         else:
+            correction = np.zeros_like(information)
             damping = max(4.0 * damping, 0.3 * float(information.diagonal()[free].max()))
     return theta
 
 
+def _corrected(correction: Array, information: Array, step: Array, fall: Array) -> Array:
+    """What to add to the Fisher information ``(p, p)`` for it to explain how the gradient fell along the last step.
+
+    The expected curvature can be several times the true one along a ridge of length scale and amplitude, and scoring
+    then converges slowly. This is the update of Broyden, Fletcher, Goldfarb and Shanno on the sum of the two
+    (Dennis, Gay and Welsch 1981 do so for least squares). Zero where the gradient did not fall.
+    """
+    expected = (information + correction) @ step
+    told, found = float(step @ expected), float(step @ fall)
+    if not found > SMALLEST_FALL * told > 0.0:
+        return np.zeros_like(correction)
+    return np.asarray(correction + fall[:, None] * (fall / found) - expected[:, None] * (expected / told))
+
+
+def _limited(step: Array) -> Array:
+    """The step, as far as a quadratic in the logarithms can be trusted."""
+    longest = max(map(abs, step.tolist()))
+    return step if longest <= LONGEST_STEP else step * (LONGEST_STEP / longest)
+
+
 def _scoring_step(information: Array, gradient: Array, free: NDArray[np.bool_], damping: float) -> Array:
     """The damped step of the free parameters, zero in the others ``(p,)``."""
-    everything = bool(free.all())
+    everything = all(free.tolist())
     curvature = information.copy() if everything else information[np.ix_(free, free)]
-    diagonal = np.einsum("ii->i", curvature)  # a view
-    diagonal += damping + 1e-9 * (1.0 + curvature.max())
+    curvature.reshape(-1)[:: len(curvature) + 1] += damping + 1e-9 * (1.0 + max(curvature.ravel().tolist()))
     # straight to LAPACK: for two or three parameters numpy's checks take longer than the solution
     found, fault = lapack.dgesv(curvature, gradient if everything else gradient[free])[2:]
     if fault != 0:
