@@ -87,20 +87,20 @@ class Course:
         """Positions ``(B, K, d)`` that the velocities lead to with the weights ``(K, G)`` of :func:`way`."""
         return np.asarray(way @ self.velocity + self.place[:, None, :])
 
-    def slopes_after(self, way: Array, rows: Array) -> Array:
-        """Derivatives of rows ``(B, K, j, d)`` times the positions there, by the coordinates: ``(B, K j, n)``."""
+    def slopes_after(self, way: Array, rows: Array, out: Array) -> None:
+        """Derivatives of rows ``(B, K, j, d)`` times the positions there, by the coordinates, into ``(B, K j, n)``."""
         count, times, each, d = rows.shape
         flat = rows.reshape(count, times * each, d)
-        slopes = np.zeros((count, times * each, self.size))
-        slopes[..., :d] = flat @ self.place_slopes
-        for part in self.parts:
-            along = flat @ np.swapaxes(part.slope, 1, 2)
-            # a motion at a time: the weights stand in for all of its rows
-            each_time = along.reshape(count, times, each, -1)
-            each_time *= way[:, None, :]
-            slopes[..., part.at] = part.deviation * along.sum(axis=-1)
-            slopes[..., part.block] = along @ part.factor
-        return slopes
+        out[..., :d] = flat @ self.place_slopes
+        weights, ones = np.repeat(way, each, axis=0), np.ones(way.shape[1])
+        along = np.empty_like(weights)
+        # a motion at a time: what is used again at once then stays in the processor's cache
+        for one, mine in enumerate(out):
+            for part in self.parts:
+                np.matmul(flat[one], part.slope[one].T, out=along)
+                along *= weights
+                mine[:, part.at] = part.deviation * (along @ ones)
+                mine[:, part.block] = along @ part.factor[one]
 
 
 def way(weights: Array, step: float) -> Array:

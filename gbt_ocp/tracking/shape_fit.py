@@ -8,7 +8,7 @@ measurements, in which the measured bearing stands on both sides.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -77,6 +77,12 @@ class Sightings:
     root: Array
     log_determinant: Array
     known: Known | None = None
+
+    def of(self, which: NDArray[np.bool_]) -> Sightings:
+        """What some of the B motions see."""
+        if len(self.root) == 1:
+            return self
+        return replace(self, root=self.root[which], log_determinant=self.log_determinant[which])
 
     def whitened(self, rows: Array) -> Array:
         """R^-½ times rows ``(B, N, ...)``."""
@@ -171,6 +177,7 @@ class _View:
         self._shape, self._seen = shape, seen
         self._way = shape.way(seen.times)
         self._known_way = None if seen.known is None else shape.way(seen.known.times)
+        self._slopes: Array | None = None
 
     def misfit(self, motions: Motions) -> _Misfit:
         """Residuals of motions, without the slopes, which take most of the time."""
@@ -194,18 +201,26 @@ class _View:
         return _Misfit(course, basis / ranges[..., None, None], rows, angles, ranges, objective)
 
     def slopes(self, at: _Misfit) -> Array:
-        """Derivatives of the predicted rows by the whitened coordinates ``(B, R, n)``."""
+        """Derivatives of the predicted rows by the whitened coordinates ``(B, R, n)``; valid until the next ones."""
         seen, across = self._seen, at.across
         count, times, each, d = across.shape
+        bearings = times * each
+        # the largest array of an estimate: new memory for it at every step takes longer than filling it
+        if self._slopes is None or len(self._slopes) != count:
+            self._slopes = np.empty((count, at.rows.shape[1], self._shape.size))
+        slopes = self._slopes
         if seen.root.ndim == 2:  # the smaller of the two to whiten
-            slopes = at.course.slopes_after(self._way, seen.whitened(across))
+            at.course.slopes_after(self._way, seen.whitened(across), slopes[:, :bearings])
         else:
-            unwhitened = at.course.slopes_after(self._way, across).reshape(count, times, each, -1)
-            slopes = seen.whitened(unwhitened).reshape(count, times * each, -1)
-        if seen.known is None or self._known_way is None:
-            return slopes
-        axes = np.broadcast_to(np.eye(d), (count, len(self._known_way), d, d))
-        return np.concatenate([slopes, seen.known.root @ at.course.slopes_after(self._known_way, axes)], axis=1)
+            at.course.slopes_after(self._way, across, slopes[:, :bearings])
+            whole = seen.whitened(slopes[:, :bearings].reshape(count, times, -1))
+            slopes[:, :bearings] = whole.reshape(count, bearings, -1)
+        if seen.known is not None and self._known_way is not None:
+            known = slopes[:, bearings:]
+            axes = np.broadcast_to(np.eye(d), (count, len(self._known_way), d, d))
+            at.course.slopes_after(self._known_way, axes, known)
+            known[:] = seen.known.root @ known
+        return slopes
 
 
 def fit(shape: MotionShape, motions: Motions, seen: Sightings, iterations: int) -> Fit:
@@ -238,7 +253,8 @@ def fit(shape: MotionShape, motions: Motions, seen: Sightings, iterations: int) 
             motions, best, slopes = candidate, tried, view.slopes(tried)
         elif np.any(better):
             motions = _chosen(better, candidate, motions)
-            slopes[better] = view.slopes(view.misfit(candidate[better]))
+            part = _View(shape, seen.of(better))
+            slopes[better] = part.slopes(part.misfit(candidate[better]))
             best = _either(better, tried, best)
         else:
             step = 0.25 * step
