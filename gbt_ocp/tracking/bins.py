@@ -55,13 +55,16 @@ class _Bin:
     rows: list[Array] = field(default_factory=list)
     offsets: list[Array] = field(default_factory=list)
     suspects: list[bool] = field(default_factory=list)
+    # of a bin that takes in no more samples they are asked for again and again
     _kept: NDArray[np.bool_] | None = None
+    _mean: tuple[Array, int] | None = None
+    _scatter: tuple[float, int] | None = None
 
     def add(self, row: Array, offset: Array, suspect: bool) -> None:
         self.rows.append(row)
         self.offsets.append(offset)
         self.suspects.append(suspect)
-        self._kept = None
+        self._kept = self._mean = self._scatter = None
 
     def kept(self, stray: float) -> NDArray[np.bool_]:
         """Which samples count: those near the median, or of few those that are not suspected by a majority."""
@@ -80,12 +83,18 @@ class _Bin:
 
     def mean(self, stray: float) -> tuple[Array, int]:
         """Mean row and its count."""
-        kept = self.kept(stray)
-        return np.asarray(np.array(self.rows)[kept].mean(axis=0)), int(np.sum(kept))
+        if self._mean is None:
+            kept = self.kept(stray)
+            self._mean = np.asarray(np.array(self.rows)[kept].mean(axis=0)), int(np.sum(kept))
+        return self._mean
 
     def scatter(self, stray: float) -> tuple[float, int]:
         """Squared residuals of the bearings about a straight line in time, and their degrees of freedom."""
-        kept = self.kept(stray)
+        if self._scatter is None:
+            self._scatter = self._scattered(self.kept(stray))
+        return self._scatter
+
+    def _scattered(self, kept: NDArray[np.bool_]) -> tuple[float, int]:
         if np.sum(kept) < 3:
             return 0.0, 0
         t = np.array([row[0] for row in self.rows])[kept]

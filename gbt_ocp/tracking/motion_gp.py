@@ -148,6 +148,7 @@ class MotionShapeTracker:
         self._fit: Fit | None = None
         self._labels = np.zeros(0, dtype=np.intp)
         self._ahead: Moments | None = None
+        self._reach = self._asked = 0.0
         self._behind: Moments | None = None
         self._estimates = 0
         self._unfit = 0
@@ -205,6 +206,7 @@ class MotionShapeTracker:
             self._fit = fit(self._shape, motions, self._sightings(means, motions), self._iterations)
         self._now, self._own = now, own
         self._ahead = self._behind = None
+        self._reach, self._asked = self._asked, 0.0
         self._estimates += 1
         # at every estimate while it is open where the target is, now and then afterwards
         if self._fit is None or self._unfit or self._estimates % 5 == 0 or self._open:
@@ -371,8 +373,11 @@ class MotionShapeTracker:
 
     def _moments_ahead(self, horizon: float) -> Moments:
         assert self._fit is not None
+        self._asked = max(self._asked, horizon)
         if self._ahead is None or self._ahead.times[-1] < horizon - 1e-9:
-            longest = horizon if self._ahead is None else max(horizon, 2.0 * float(self._ahead.times[-1]))
+            # as far as it was asked for after the last estimate, or well beyond what was asked for after this one
+            known = self._reach if self._ahead is None else 2.0 * float(self._ahead.times[-1])
+            longest = max(horizon, known)
             self._ahead = moments_ahead(self._shape, *self._likely(), longest)
         return self._ahead
 

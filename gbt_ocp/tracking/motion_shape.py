@@ -15,12 +15,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.bearings import rotate_bearing, tangent_basis
+from gbt_ocp.tracking.shape_course import Course, Part, way
 from gbt_ocp.tracking.shape_processes import SLOWER, Operators, ShapePrior, interpolation, operators
 
 Array = NDArray[np.float64]
@@ -66,21 +67,6 @@ class Motions:
             np.concatenate([part.heading for part in parts]),
             np.concatenate([part.white for part in parts]),
         )
-
-
-class Nodes(NamedTuple):
-    """Motions at nodes of time.
-
-    Attributes
-    ----------
-    positions
-        Relative to the own position now ``(B, G, d)`` in metres.
-    slopes
-        Derivatives by the whitened coordinates ``(B, G, d, n)`` in metres.
-    """
-
-    positions: Array
-    slopes: Array
 
 
 class MotionShape:
@@ -135,6 +121,10 @@ class MotionShape:
     def at(self, times: Array) -> Array:
         """Weights ``(K, G)`` of :attr:`past_nodes` at the times ``(K,)`` in seconds."""
         return interpolation(self._past.nodes, times)
+
+    def way(self, times: Array) -> Array:
+        """Weights ``(K, G)`` of the velocities at :attr:`past_nodes` in the way from now to the times ``(K,)``."""
+        return way(self.at(times), float(self.past_nodes[1]))
 
     def log_range(self, motions: Motions) -> Array:
         """ρ ``(B,)``, logarithm of metres."""
@@ -213,14 +203,14 @@ class MotionShape:
 
     # ---- where they lead --------------------------------------------------------------------------------------------
 
-    def past(self, motions: Motions, count: int | None = None) -> Nodes:
+    def past(self, motions: Motions, count: int | None = None) -> Course:
         """Motions at :attr:`past_nodes`, or at the first ``count`` of them."""
         there = self._past
         if count is not None:
             there = Operators(there.nodes[:count], *(rows[:, :count] for rows in there[1:]))
-        return self._nodes(motions, there, motions.white)
+        return self._course(motions, there, motions.white)
 
-    def ahead(self, motions: Motions, horizon: float, white: Array | None = None) -> tuple[Array, Nodes]:
+    def ahead(self, motions: Motions, horizon: float, white: Array | None = None) -> tuple[Array, Course]:
         """Motions at nodes from now to at least ``horizon`` seconds ahead.
 
         Parameters
@@ -238,7 +228,7 @@ class MotionShape:
         """
         there = self._operators_ahead(horizon)
         beyond = np.zeros((len(motions), self.coordinates_ahead(horizon))) if white is None else white
-        return there.nodes, self._nodes(motions, there, np.concatenate([motions.white, beyond], axis=1))
+        return there.nodes, self._course(motions, there, np.concatenate([motions.white, beyond], axis=1))
 
     def coordinates_ahead(self, horizon: float) -> int:
         """m, number of the whitened coordinates of the future in :meth:`ahead`."""
@@ -264,7 +254,7 @@ class MotionShape:
             after += future
         return found
 
-    def _nodes(self, motions: Motions, there: Operators, white: Array) -> Nodes:
+    def _course(self, motions: Motions, there: Operators, white: Array) -> Course:
         d, p, theta = self.dimension, self.prior, motions.theta
         turn, speed = there.turn[theta], there.speed[theta]
         blocks = self._blocks(white.shape[1])
@@ -273,31 +263,26 @@ class MotionShape:
             p.speed.log_std * white[:, self.speed_at, None] + _applied(speed, white[:, blocks[1]])
         )
         velocity = np.stack([pace * np.cos(heading), pace * np.sin(heading)], axis=-1)
+        climbs = []
         if d == 3:
             climb = there.climb[theta]
             angle = p.climb_std * white[:, self.climb_at, None] + _applied(climb, white[:, blocks[2]])
             cosine, sine = np.cos(angle), np.sin(angle)
             raised = np.concatenate([-sine[..., None] * velocity, (pace * cosine)[..., None]], axis=-1)
             velocity = np.concatenate([cosine[..., None] * velocity, (pace * sine)[..., None]], axis=-1)
+            climbs.append(Part(raised, self.climb_at, p.climb_std, climb, blocks[2]))
         across = np.zeros_like(velocity)
         across[..., 0], across[..., 1] = -velocity[..., 1], velocity[..., 0]
-
-        # derivatives of the velocity, to be integrated like it
-        rates = np.zeros((*velocity.shape, white.shape[1]))
-        rates[..., self.speed_at] = p.speed.log_std * velocity
-        rates[..., self.heading_at] = FLAT_ANGLE * across
-        rates[..., blocks[0]] = across[..., None] * turn[:, :, None, :]
-        rates[..., blocks[1]] = velocity[..., None] * speed[:, :, None, :]
-        if d == 3:
-            rates[..., self.climb_at] = p.climb_std * raised
-            rates[..., blocks[2]] = raised[..., None] * climb[:, :, None, :]
-        step = float(there.nodes[1] - there.nodes[0])
+        parts = [
+            Part(across, self.heading_at, FLAT_ANGLE, turn, blocks[0]),
+            Part(velocity, self.speed_at, p.speed.log_std, speed, blocks[1]),
+            *climbs,
+        ]
         ranges = np.exp(self.log_range(motions))[:, None]
-        out = ranges * motions.direction
-        slopes = _integrated(rates, step)
-        slopes[..., 0] = p.range.log_std * out[:, None, :]
-        slopes[..., 1:d] = FLAT_ANGLE * (ranges[..., None] * tangent_basis(motions.direction))[:, None]
-        return Nodes(_integrated(velocity, step) + out[:, None, :], slopes)
+        place = ranges * motions.direction
+        sideways = FLAT_ANGLE * (ranges[..., None] * tangent_basis(motions.direction))
+        slopes = np.concatenate([p.range.log_std * place[..., None], sideways], axis=-1)
+        return Course(velocity, parts, place, slopes, float(there.nodes[1] - there.nodes[0]), white.shape[1])
 
     def _values(self, motions: Motions, times: Array, process: Literal["turn", "rate", "speed", "climb"]) -> Array:
         """A process at times ``(K,)``, its mean where they lie ahead: ``(B, K)``."""
@@ -334,15 +319,3 @@ def _inverse(matrices: Array) -> Array:
 def _applied(matrices: Array, vectors: Array) -> Array:
     """Products of matrices ``(B, i, j)`` and vectors ``(B, j)``."""
     return np.asarray((matrices @ vectors[..., None])[..., 0])
-
-
-def _integrated(values: Array, step: float) -> Array:
-    """Integral from the first node along axis 1, by trapezoids."""
-    # in place: these arrays are the largest of an estimate
-    integral = np.empty_like(values)
-    integral[:, 0] = 0.0
-    parts = integral[:, 1:]
-    np.add(values[:, 1:], values[:, :-1], out=parts)
-    parts *= 0.5 * step
-    np.add.accumulate(parts, axis=1, out=parts)
-    return integral

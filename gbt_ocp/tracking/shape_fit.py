@@ -8,14 +8,16 @@ measurements, in which the measured bearing stands on both sides.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.bearings import tangent_basis
+from gbt_ocp.tracking.factors import cholesky_factors, inverses, solutions
 from gbt_ocp.tracking.motion_shape import FLAT_ANGLE, Motions, MotionShape
+from gbt_ocp.tracking.shape_course import Course
 
 Array = NDArray[np.float64]
 
@@ -75,6 +77,12 @@ class Sightings:
     root: Array
     log_determinant: Array
     known: Known | None = None
+
+    def of(self, which: NDArray[np.bool_]) -> Sightings:
+        """What some of the B motions see."""
+        if len(self.root) == 1:
+            return self
+        return replace(self, root=self.root[which], log_determinant=self.log_determinant[which])
 
     def whitened(self, rows: Array) -> Array:
         """R^-½ times rows ``(B, N, ...)``."""
@@ -151,45 +159,68 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class _Linearisation:
-    """Residuals and slopes of B motions, whitened."""
+class _Misfit:
+    """Whitened residuals of B motions, and what their slopes are made of."""
 
+    course: Course
+    across: Array
     rows: Array
-    slopes: Array
     angles: Array
     ranges: Array
     objective: Array
 
 
-def _linearised(shape: MotionShape, motions: Motions, seen: Sightings) -> _Linearisation:
-    d = shape.dimension
-    nodes = shape.past(motions)
-    count, between = len(motions), nodes.positions.shape[1]
-    at = shape.at(seen.times)
-    line = at @ nodes.positions - seen.own_positions
-    ranges = np.maximum(np.linalg.norm(line, axis=-1), NEAREST)
-    unit = line / ranges[..., None]
-    basis = tangent_basis(unit)
-    tangent = np.einsum("bnij,ni->bnj", basis, seen.bearings)
-    cosine = np.einsum("bni,ni->bn", unit, seen.bearings)
-    if d == 2:
-        angles = np.arctan2(tangent, cosine[..., None])
-    else:
-        sine = np.linalg.norm(tangent, axis=-1)
-        angles = tangent * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-12))[..., None]
-    # one product of matrices: gathering the slopes costs more than multiplying them
-    slopes = (at @ nodes.slopes.reshape(count, between, -1)).reshape(count, len(at), d, -1)
-    slopes = np.einsum("bndi,bndk->bnik", basis / ranges[..., None, None], slopes)
-    rows = seen.whitened(angles).reshape(count, -1)
-    whitened = seen.whitened(slopes).reshape(count, rows.shape[1], -1)
-    if seen.known is not None:
-        there, root = shape.at(seen.known.times), seen.known.root
-        off = (seen.known.positions - there @ nodes.positions).reshape(count, -1)
-        known = (there @ nodes.slopes.reshape(count, between, -1)).reshape(count, off.shape[1], -1)
-        rows = np.concatenate([rows, off @ root.T], axis=1)
-        whitened = np.concatenate([whitened, root @ known], axis=1)
-    objective = np.sum(rows**2, axis=1) + np.sum(motions.white**2, axis=1)
-    return _Linearisation(rows, whitened, angles, ranges, objective)
+class _View:
+    """Bearings as the nodes of the motions see them: the same for all steps of a fit."""
+
+    def __init__(self, shape: MotionShape, seen: Sightings) -> None:
+        self._shape, self._seen = shape, seen
+        self._way = shape.way(seen.times)
+        self._known_way = None if seen.known is None else shape.way(seen.known.times)
+        self._slopes: Array | None = None
+
+    def misfit(self, motions: Motions) -> _Misfit:
+        """Residuals of motions, without the slopes, which take most of the time."""
+        seen, course = self._seen, self._shape.past(motions)
+        line = course.positions_after(self._way) - seen.own_positions
+        ranges = np.maximum(np.linalg.norm(line, axis=-1), NEAREST)
+        unit = line / ranges[..., None]
+        basis = np.swapaxes(tangent_basis(unit), -1, -2)
+        tangent = np.einsum("bnji,ni->bnj", basis, seen.bearings)
+        cosine = np.einsum("bni,ni->bn", unit, seen.bearings)
+        if self._shape.dimension == 2:
+            angles = np.arctan2(tangent, cosine[..., None])
+        else:
+            sine = np.linalg.norm(tangent, axis=-1)
+            angles = tangent * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-12))[..., None]
+        rows = seen.whitened(angles).reshape(len(motions), -1)
+        if seen.known is not None and self._known_way is not None:
+            off = (seen.known.positions - course.positions_after(self._known_way)).reshape(len(motions), -1)
+            rows = np.concatenate([rows, off @ seen.known.root.T], axis=1)
+        objective = np.sum(rows**2, axis=1) + np.sum(motions.white**2, axis=1)
+        return _Misfit(course, basis / ranges[..., None, None], rows, angles, ranges, objective)
+
+    def slopes(self, at: _Misfit) -> Array:
+        """Derivatives of the predicted rows by the whitened coordinates ``(B, R, n)``; valid until the next ones."""
+        seen, across = self._seen, at.across
+        count, times, each, d = across.shape
+        bearings = times * each
+        # the largest array of an estimate: new memory for it at every step takes longer than filling it
+        if self._slopes is None or len(self._slopes) != count:
+            self._slopes = np.empty((count, at.rows.shape[1], self._shape.size))
+        slopes = self._slopes
+        if seen.root.ndim == 2:  # the smaller of the two to whiten
+            at.course.slopes_after(self._way, seen.whitened(across), slopes[:, :bearings])
+        else:
+            at.course.slopes_after(self._way, across, slopes[:, :bearings])
+            whole = seen.whitened(slopes[:, :bearings].reshape(count, times, -1))
+            slopes[:, :bearings] = whole.reshape(count, bearings, -1)
+        if seen.known is not None and self._known_way is not None:
+            known = slopes[:, bearings:]
+            axes = np.broadcast_to(np.eye(d), (count, len(self._known_way), d, d))
+            at.course.slopes_after(self._known_way, axes, known)
+            known[:] = seen.known.root @ known
+        return slopes
 
 
 def fit(shape: MotionShape, motions: Motions, seen: Sightings, iterations: int) -> Fit:
@@ -208,50 +239,58 @@ def fit(shape: MotionShape, motions: Motions, seen: Sightings, iterations: int) 
     iterations
         Largest number of steps.
     """
-    best = _linearised(shape, motions, seen)
-    precision = _precision(best.slopes)
-    step, decrement = _newton(shape, best, motions, precision)
+    view = _View(shape, seen)
+    best = view.misfit(motions)
+    slopes = view.slopes(best)
+    factors, step, decrement = _newton(shape, best, slopes, motions)
     taken = 0
     while taken < iterations and np.max(decrement) > SETTLED:
         taken += 1
         candidate = shape.moved(motions, step)
-        tried = _linearised(shape, candidate, seen)
+        tried = view.misfit(candidate)
         better = tried.objective <= best.objective + 1e-9
         if np.all(better):
-            motions, best = candidate, tried
+            motions, best, slopes = candidate, tried, view.slopes(tried)
+        elif np.any(better):
+            motions = _chosen(better, candidate, motions)
+            part = _View(shape, seen.of(better))
+            slopes[better] = part.slopes(part.misfit(candidate[better]))
+            best = _either(better, tried, best)
         else:
-            motions, best = _chosen(better, candidate, motions), _either(better, tried, best)
-        precision = _precision(best.slopes)
-        fresh, decrement = _newton(shape, best, motions, precision)
+            step = 0.25 * step
+            continue
+        factors, fresh, decrement = _newton(shape, best, slopes, motions)
         step = np.where(better[:, None], fresh, 0.25 * step)
     # what is left is too small to bend anything: the last step is taken without looking again
     last = decrement <= SETTLED
     motions = shape.moved(motions, np.where(last[:, None], step, 0.0))
     objective = best.objective - np.where(last, decrement, 0.0)
-    factor = np.linalg.cholesky(precision)
-    log_determinant = 2.0 * np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
+    log_determinant = 2.0 * np.sum(np.log(np.diagonal(factors, axis1=1, axis2=2)), axis=1)
     directions = shape.dimension - 1
     rows = directions * len(seen.times)
     log_evidence = -0.5 * (objective + log_determinant + directions * seen.log_determinant + rows * np.log(2.0 * np.pi))
     residuals = best.rows[:, :rows].reshape(len(motions), len(seen.times), directions)
-    covariance = np.asarray(np.linalg.inv(precision), dtype=float)
-    return Fit(motions, covariance, log_evidence, residuals, best.angles, best.ranges, taken)
+    return Fit(motions, inverses(factors), log_evidence, residuals, best.angles, best.ranges, taken)
 
 
-def _newton(shape: MotionShape, at: _Linearisation, motions: Motions, precision: Array) -> tuple[Array, Array]:
-    """Shortened steps ``(B, n)`` and the decrease of the objective that full ones promise ``(B,)``."""
-    gradient = np.einsum("brn,br->bn", at.slopes, at.rows) - motions.white
-    full = np.linalg.solve(precision, gradient[..., None])[..., 0]
-    return np.asarray(full * _shortening(shape, full)[:, None]), np.asarray(np.sum(full * gradient, axis=1))
+def _newton(shape: MotionShape, at: _Misfit, slopes: Array, motions: Motions) -> tuple[Array, Array, Array]:
+    """Factors of the precisions, shortened steps ``(B, n)``, and the decrease that full ones promise ``(B,)``."""
+    gradient = (at.rows[:, None, :] @ slopes)[:, 0] - motions.white
+    factors = cholesky_factors(_precision(slopes))
+    full = solutions(factors, gradient)
+    return factors, np.asarray(full * _shortening(shape, full)[:, None]), np.asarray(np.sum(full * gradient, axis=1))
 
 
-def _either(which: NDArray[np.bool_], new: _Linearisation, old: _Linearisation) -> _Linearisation:
+def _either(which: NDArray[np.bool_], new: _Misfit, old: _Misfit) -> _Misfit:
+    """The new residuals where they are chosen; the course stays behind, for its slopes have been made."""
+
     def chosen(a: Array, b: Array) -> Array:
         return np.asarray(np.where(which.reshape(-1, *(1,) * (a.ndim - 1)), a, b))
 
-    return _Linearisation(
+    return _Misfit(
+        new.course,
+        new.across,
         chosen(new.rows, old.rows),
-        chosen(new.slopes, old.slopes),
         chosen(new.angles, old.angles),
         chosen(new.ranges, old.ranges),
         chosen(new.objective, old.objective),
