@@ -102,10 +102,11 @@ class Report:
         folder.rename(older)
         try:
             yield
-        except BaseException:
-            older.rename(folder)
-            raise
-        shutil.rmtree(older, ignore_errors=True)
+        finally:
+            if folder.exists():
+                shutil.rmtree(older, ignore_errors=True)
+            else:
+                older.rename(folder)
 
     def _write(self, folder: Path) -> None:
         from gbt_ocp.reporting import style

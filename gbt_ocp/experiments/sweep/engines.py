@@ -66,17 +66,19 @@ class Processes:
             # take this process.
             parallel = Parallel(n_jobs=max(2, self._count), return_as="generator_unordered", batch_size=1)
             home = os.getpid()
-            with _interrupts_held():
-                done = parallel(delayed(_numbered)(function, index, job, home) for index, job in enumerate(jobs))
+            done: Any = None
             try:
+                with _interrupts_held():
+                    done = parallel(delayed(_numbered)(function, index, job, home) for index, job in enumerate(jobs))
                 for index, result in done:
                     yield jobs[index], result
             except TerminatedWorkerError as fault:
                 raise WorkerDiedError(str(fault).partition("\n")[0]) from fault
-            except GeneratorExit:  # nobody wants the rest: joblib need not say that it ends its workers
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")
-                    done.close()
+            except (GeneratorExit, KeyboardInterrupt):  # nobody wants the rest: joblib need not say that it ends it
+                if done is not None:
+                    with warnings.catch_warnings():
+                        warnings.simplefilter("ignore")
+                        done.close()
                 raise
 
 
