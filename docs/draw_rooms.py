@@ -19,18 +19,19 @@ ACROSS, DOWN = 168, 84
 MARGIN = 24
 
 PLACES = {
-    "cli": (1.5, 0),
-    "arguments": (1, 1),
-    "reporting": (2, 1),
-    "experiments": (1.5, 2),
-    "simulation": (1.5, 3),
-    "guidance": (0.5, 4),
-    "sensors": (2, 4),
-    "targets": (3, 4),
-    "ocp": (0, 5),
-    "tracking": (1, 5),
-    "vehicles": (0, 6),
-    "bearings": (1.5, 6),
+    "program": (1.5, 0),
+    "cli": (1.5, 1),
+    "arguments": (1, 2),
+    "reporting": (2, 2),
+    "experiments": (1.5, 3),
+    "simulation": (1.5, 4),
+    "guidance": (0.5, 5),
+    "sensors": (2, 5),
+    "targets": (3, 5),
+    "ocp": (0, 6),
+    "tracking": (1, 6),
+    "vehicles": (0, 7),
+    "bearings": (1.5, 7),
 }
 """Column and row of each room; who imports stands above. The arrows come from the code."""
 

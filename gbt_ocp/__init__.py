@@ -12,10 +12,10 @@ The matrices are small, and threads slow small matrices down: set ``OPENBLAS_NUM
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    __version__: str
     from gbt_ocp.experiments.comparison.compare import Comparison, compare
     from gbt_ocp.experiments.configuration import Configuration
     from gbt_ocp.experiments.faults import ConfigurationError
@@ -26,11 +26,6 @@ if TYPE_CHECKING:
     from gbt_ocp.experiments.run import run
     from gbt_ocp.experiments.studies.reproducing import reproduce
     from gbt_ocp.experiments.sweep.sweeping import Sweep, sweep
-
-try:
-    __version__ = version("gbt_ocp")
-except PackageNotFoundError:  # a checkout that was not installed
-    __version__ = "0.0.0"
 
 _HOMES = {
     "Comparison": "comparison.compare",
@@ -69,6 +64,13 @@ def __getattr__(name: str) -> Any:
         from importlib import import_module
 
         return getattr(import_module(f"gbt_ocp.experiments.{_HOMES[name]}"), name)
+    if name == "__version__":
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            return version("gbt_ocp")
+        except PackageNotFoundError:  # a checkout that was not installed
+            return "0.0.0"
     raise AttributeError(f"module 'gbt_ocp' has no attribute {name!r}")
 
 

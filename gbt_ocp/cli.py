@@ -14,6 +14,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,9 @@ if TYPE_CHECKING:
     from gbt_ocp.experiments.result import Result
 
 DONE, PROGRAM_FAULT, LIMIT_BROKEN, INTERRUPTED = 0, 1, 3, 4
+
+MOST_RIVALS = 100
+"""Runs for one folder at the same time that each find a place beside it."""
 
 VIOLATION_TOLERANCE = 1.0e-9
 """Relative thrust violation that still counts as round-off."""
@@ -118,15 +122,27 @@ def _save_somewhere(result: Result, out: Path, *, figures: bool) -> tuple[Path, 
         return out, _save(result, out, figures=figures)
     except OSError as fault:
         taken = isinstance(fault, FileExistsError)
-        elsewhere = _beside(out) if taken else Path(tempfile.mkdtemp(prefix="gbt-ocp-")) / out.name
+        elsewhere = Path() if taken else Path(tempfile.mkdtemp(prefix="gbt-ocp-")) / out.name
         try:
-            drawn = _save(result, elsewhere, figures=figures and taken)
+            if taken:
+                elsewhere, drawn = _save_beside(result, out, figures=figures)
+            else:
+                drawn = _save(result, elsewhere, figures=False)
         except OSError:
             raise ConfigurationError(
                 [f"--out: found {out}, which cannot be written ({fault}); allowed: a writable folder"]
             ) from fault
         print(f"--out: {out} cannot be written ({fault}); the results are in {elsewhere}", file=sys.stderr)
         return elsewhere, drawn
+
+
+def _save_beside(result: Result, out: Path, *, figures: bool) -> tuple[Path, bool]:
+    """Write the run folder under the first name beside ``out`` that nobody else takes meanwhile."""
+    for _ in range(MOST_RIVALS):
+        beside = _beside(out)
+        with suppress(FileExistsError):
+            return beside, _save(result, beside, figures=figures)
+    raise FileExistsError(f"{beside}: other runs take every name")
 
 
 def _save(result: Result, out: Path, *, figures: bool) -> bool:
@@ -241,13 +257,12 @@ def _sweep(arguments: argparse.Namespace) -> int:
         return PROGRAM_FAULT
     # None where no thrust was applied: a method may place the vehicle.
     worst = max((row["violation_max"] for row in done.rows if row["violation_max"] is not None), default=0.0)
-    clipped = sum(row["retries.clipped"] or 0 for row in done.rows)
+    clipped = sum(row.get("retries.clipped") or 0 for row in done.rows)
     return DONE if _limits_kept(worst, clipped) else LIMIT_BROKEN
 
 
 def _reproduce(arguments: argparse.Namespace) -> int:
-    from gbt_ocp.experiments.studies.reproducing import reproduce
-    from gbt_ocp.experiments.sweep.sweeping import SweepInterrupted
+    from gbt_ocp.experiments.studies.reproducing import StudyInterruptedError, reproduce
 
     try:
         folder, reports = reproduce(
@@ -261,8 +276,8 @@ def _reproduce(arguments: argparse.Namespace) -> int:
             tune=arguments.tune,
             progress=not arguments.quiet,
         )
-    except SweepInterrupted as interrupt:
-        again = f"gbt-ocp reproduce {arguments.study} --runs {arguments.runs} --resume {interrupt.folder.parents[1]}"
+    except StudyInterruptedError as interrupt:
+        again = f"gbt-ocp reproduce {arguments.study} --runs {arguments.runs} --resume {interrupt.folder}"
         print(f"interrupted: {interrupt}; go on with: {again}", file=sys.stderr)
         return INTERRUPTED
     for name, report in reports.items():

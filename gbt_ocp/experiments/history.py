@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import zipfile
-import zlib
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gbt_ocp.experiments.archives import read_arrays
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, relative_range_std
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ _LAYOUT = {
     "fallback": "K",
     "plan": "Kpz",
 }
-_TEXT = {"solver_status", "fallback"}
+TEXT = {"solver_status", "fallback"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +150,8 @@ class History:
                     )
         if not self.t.size:
             raise ValueError("history: found no steps; allowed: at least one")
+        if self.dimension not in (2, 3):
+            raise ValueError(f"history: found positions with {self.dimension} coordinates; allowed: 2 or 3")
 
     @property
     def dimension(self) -> int:
@@ -205,19 +207,15 @@ class History:
         ValueError
             If the file is no ``.npz``, an array is missing, or shapes disagree.
         """
+        arrays = read_arrays(path, (field.name for field in fields(cls)), "a history")
         try:
-            # Opened here: given a path, np.load leaves a damaged file open.
-            with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
-                missing = [field.name for field in fields(cls) if field.name not in archive.files]
-                if missing:
-                    raise ValueError(f"missing arrays: {', '.join(missing)}")
-                return cls(**{field.name: archive[field.name] for field in fields(cls)})
-        except (ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-            raise ValueError(f"{os.fspath(path)}: not a history: {error}") from None
+            return cls(**arrays)
+        except (ValueError, TypeError, OverflowError) as fault:
+            raise ValueError(f"{os.fspath(path)}: not a history: {fault}") from None
 
 
 def _canonical(name: str, array: Any) -> NDArray[Any]:
-    if name in _TEXT:
+    if name in TEXT:
         return np.array(np.asarray(array).tolist(), dtype=np.str_)  # the narrowest width, whatever it was made with
     kind = {"detected": np.bool_, "solver_iterations": np.int64}.get(name, np.float64)
     return np.ascontiguousarray(array, dtype=kind)

@@ -104,7 +104,7 @@ class Result:
             If one of them is damaged.
         """
         path = Path(folder)
-        text = (path / run_folder.CONFIGURATION).read_text(encoding="utf-8")
+        text, _ = run_folder.read_configuration(path)
         history = History.load_npz(path / run_folder.HISTORY)
         return cls(RecordedConfiguration(text), history, run_folder.read_summary(path))
 

@@ -56,6 +56,7 @@ def interrupted_between_steps() -> Iterator[Callable[[], None]]:
         yield check
     finally:
         signal.signal(signal.SIGINT, before)
+    check()  # pressed after the last step: the runs that would follow must not go on
 
 
 def stalling_penalties(guidance: Guidance) -> list[str]:

@@ -17,12 +17,29 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 CONFIGURATION = "config.yaml"
 HISTORY = "history.npz"
 SUMMARY = "summary.json"
 FIGURES = "figures"
 PARTS = (CONFIGURATION, HISTORY, SUMMARY)
 """The files without which a folder is no run folder."""
+
+NUMBERS = frozenset(
+    (
+        "error_mean", "error_settled", "error_final", "error_rms", "error_median", "error_settled_max", "settling_s",
+        "distance_min", "distance_median", "violation_max", "objective_mean", "solver_success_rate",
+        "solver_iterations_mean", "solver_time_median_ms", "solver_time_max_ms", "tracker_time_median_ms", "steps",
+        "wall_s", "seed",
+    )
+)  # fmt: skip
+COUNTS = frozenset(("fallbacks", "retries"))
+LISTS = frozenset(("warnings", "thrust_max"))
+"""What keys of the summary hold that somebody computes with."""
+
+# The fast one is a part of most builds of PyYAML; a sweep reads as many files as it has runs.
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 PARTIAL = ".partial-"
 """Marks a temporary folder: ``.NAME.partial-HOST-PID-TOKEN`` beside the final NAME."""
@@ -51,8 +68,7 @@ def whole_folder(target: str | os.PathLike[str]) -> Iterator[Path]:
     _refuse_occupied(final)
     final.parent.mkdir(parents=True, exist_ok=True)
     remove_abandoned(final)
-    owner = f"{socket.gethostname()}-{os.getpid()}"
-    temporary = final.parent / f".{final.name}{PARTIAL}{owner}-{secrets.token_hex(4)}"
+    temporary = temporary_beside(final)
     temporary.mkdir()
     try:
         yield temporary
@@ -67,6 +83,11 @@ def whole_folder(target: str | os.PathLike[str]) -> Iterator[Path]:
     except BaseException:  # KeyboardInterrupt as well: nothing half-written stays
         shutil.rmtree(temporary, ignore_errors=True)
         raise
+
+
+def temporary_beside(final: Path) -> Path:
+    """A name beside ``final`` that says which process made it (see :data:`PARTIAL`)."""
+    return final.parent / f".{final.name}{PARTIAL}{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"
 
 
 def remove_abandoned(target: Path) -> list[Path]:
@@ -120,16 +141,51 @@ def read_summary(folder: Path) -> dict[str, Any]:
     FileNotFoundError
         If the folder has no summary.
     ValueError
-        If the file is not a JSON object.
+        If the file is not a JSON object, or a number of it is none.
     """
     path = folder / SUMMARY
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
+    except (ValueError, RecursionError) as error:  # what is no UTF-8 is a ValueError too
         raise ValueError(f"{path}: not valid JSON: {error}") from None
     if not isinstance(summary, dict):
         raise ValueError(f"{path}: found {type(summary).__name__}; allowed: a JSON object")
+    # A key that is not there may be one that an older version did not write.
+    for key, value in summary.items():
+        if key in NUMBERS and value is not None and not _is_number(value):
+            raise ValueError(f"{path}: {key}: found {value!r:.60}; allowed: a number or null")
+        if key in COUNTS and not (isinstance(value, dict) and all(map(_is_number, value.values()))):
+            raise ValueError(f"{path}: {key}: found {value!r:.60}; allowed: a mapping to numbers")
+        if key == "versions" and not isinstance(value, dict):
+            raise ValueError(f"{path}: {key}: found {value!r:.60}; allowed: a mapping")
+        if key in LISTS and value is not None and not isinstance(value, list):
+            raise ValueError(f"{path}: {key}: found {value!r:.60}; allowed: a list")
     return summary
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def read_configuration(folder: Path) -> tuple[str, dict[str, Any]]:
+    """Text and mapping of ``config.yaml`` of a run folder; its keys are not checked.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder has none.
+    ValueError
+        If the file is not a mapping in YAML.
+    """
+    path = folder / CONFIGURATION
+    try:
+        text = path.read_text(encoding="utf-8")
+        mapping = yaml.load(text, _LOADER)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from None
+    if not isinstance(mapping, dict):
+        raise ValueError(f"{path}: found {type(mapping).__name__}; allowed: a mapping, as gbt-ocp run wrote it")
+    return text, mapping
 
 
 def _refuse_occupied(final: Path) -> None:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 from markdown import markdown
 
+from gbt_ocp.reporting.whole_file import whole_file
+
 Row = dict[str, str]
 
 _STYLE = (
@@ -51,11 +53,13 @@ def write_report(folder: Path) -> None:
 
     drawn = write_figures(folder)
     text = report(folder, drawn)
-    (folder / "report.md").write_text(text, encoding="utf-8")
+    with whole_file(folder / "report.md") as temporary:
+        temporary.write_text(text, encoding="utf-8")
     body = markdown(text, extensions=["tables"])
     head = f'<meta charset="utf-8"><title>Comparison</title><style>{_STYLE}</style>'
     page = f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head>\n<body>\n{body}\n</body></html>\n'
-    (folder / "report.html").write_text(page, encoding="utf-8")
+    with whole_file(folder / "report.html") as temporary:
+        temporary.write_text(page, encoding="utf-8")
 
 
 def report(folder: Path, drawn: Sequence[str] = ()) -> str:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gbt_ocp.reporting import style
 from gbt_ocp.reporting.comparison import FIGURES, Row, read_table
+from gbt_ocp.reporting.whole_file import whole_file
 
 Array = NDArray[np.float64]
 
@@ -44,7 +45,8 @@ def write_figures(folder: Path) -> list[str]:
         for name in FIGURES:
             figure = _DRAW[name](tables)
             if figure is not None:
-                figure.savefig(folder / "figures" / f"{name}.png", dpi=style.DPI)
+                with whole_file(folder / "figures" / f"{name}.png") as temporary:
+                    figure.savefig(temporary, dpi=style.DPI)
                 drawn.append(name)
     return drawn
 

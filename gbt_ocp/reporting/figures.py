@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -53,17 +52,22 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
     ValueError
         If a value is missing in the configuration, or does not fit the history.
     """
-    period = float(_value(configuration, "sensor", "period_s"))
+    period = _value(configuration, "sensor", "period_s")
+    if not isinstance(period, int | float) or not 0.0 < period < np.inf:
+        raise ValueError(f"{run_folder.CONFIGURATION}: sensor.period_s: found {period!r}; allowed: a number > 0")
     # the configuration of a problem's own vehicle does not know its limits, the summary does
-    limits = summary.get("thrust_max") or _value(configuration, "vehicle", "thrust_max")
-    thrust_max = np.asarray(limits, dtype=float)
+    known = summary.get("thrust_max")
+    limits = known or _value(configuration, "vehicle", "thrust_max")
     axes_count = history.thrust.shape[1]
-    if thrust_max.shape != (axes_count,):
-        raise ValueError(f"vehicle.thrust_max: found {thrust_max.tolist()}; allowed: {axes_count} numbers")
+    if not _are_numbers(limits, axes_count):
+        where = f"{run_folder.SUMMARY}: thrust_max" if known else f"{run_folder.CONFIGURATION}: vehicle.thrust_max"
+        raise ValueError(f"{where}: found {limits!r}; allowed: {axes_count} numbers")
+    thrust_max = np.asarray(limits, dtype=float)
+    settling = summary.get("settling_s")
     with style.styled():
         figures = {
             "trajectories": trajectories(history),
-            "error": _error(history, float(summary.get("settling_s", 2.0))),
+            "error": _error(history, 2.0 if settling is None else float(settling)),
             "condition_number": _condition_number(history),
         }
         if np.isfinite(history.length_scale).any() or np.isfinite(history.amplitude).any():
@@ -87,10 +91,7 @@ def write_figures(run_dir: str | os.PathLike[str]) -> list[Path]:
         If one is damaged, or lacks a value the figures need.
     """
     folder = Path(run_dir)
-    configuration_path = folder / run_folder.CONFIGURATION
-    configuration = yaml.safe_load(configuration_path.read_text(encoding="utf-8"))
-    if not isinstance(configuration, dict):
-        raise ValueError(f"{configuration_path}: found {type(configuration).__name__}; allowed: a mapping")
+    _, configuration = run_folder.read_configuration(folder)
     history = History.load_npz(folder / run_folder.HISTORY)
     figures = draw_figures(history, configuration, run_folder.read_summary(folder))
     place = folder / run_folder.FIGURES
@@ -103,10 +104,19 @@ def write_figures(run_dir: str | os.PathLike[str]) -> list[Path]:
 
 
 def _value(configuration: Mapping[str, Any], section: str, key: str) -> Any:
-    value = (configuration.get(section) or {}).get(key)
+    found = configuration.get(section)
+    value = found.get(key) if isinstance(found, dict) else None
     if value is None:
         raise ValueError(f"{run_folder.CONFIGURATION}: {section}.{key}: found nothing; the figures need its value")
     return value
+
+
+def _are_numbers(values: Any, count: int) -> bool:
+    return (
+        isinstance(values, list | tuple)
+        and len(values) == count
+        and all(isinstance(value, int | float) and value > 0.0 for value in values)
+    )
 
 
 def _error(history: History, settling: float) -> Figure:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -93,10 +92,7 @@ def report_page(run_dir: str | os.PathLike[str]) -> str:
         See :func:`write_report`.
     """
     folder = Path(run_dir)
-    text = (folder / run_folder.CONFIGURATION).read_text(encoding="utf-8")
-    configuration = yaml.safe_load(text)
-    if not isinstance(configuration, dict):
-        raise ValueError(f"{folder / run_folder.CONFIGURATION}: found no mapping; allowed: a configuration")
+    text, configuration = run_folder.read_configuration(folder)
     history = History.load_npz(folder / run_folder.HISTORY)
     summary = run_folder.read_summary(folder)
     title = f"{configuration.get('name', 'run')}, seed {summary.get('seed')}"

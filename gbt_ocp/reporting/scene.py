@@ -5,10 +5,8 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
@@ -51,9 +49,9 @@ class Scene:
         """
         folder = Path(run_dir)
         history = History.load_npz(folder / run_folder.HISTORY)
-        configuration: Any = yaml.safe_load((folder / run_folder.CONFIGURATION).read_text(encoding="utf-8"))
-        name = configuration.get("name", "run") if isinstance(configuration, dict) else "run"
-        return cls(f"{name}, seed {run_folder.read_summary(folder).get('seed')}", history)
+        _, configuration = run_folder.read_configuration(folder)
+        seed = run_folder.read_summary(folder).get("seed")
+        return cls(f"{configuration.get('name', 'run')}, seed {seed}", history)
 
     @property
     def vehicle(self) -> Array:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
-from contextlib import nullcontext
+import sys
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -15,6 +16,7 @@ from gbt_ocp.experiments.comparison.open_loop import best_chunk, solve_chunk
 from gbt_ocp.experiments.comparison.plan import Plan, Task
 from gbt_ocp.experiments.comparison.problems import Check, Problems, draw, joined, record, unasked
 from gbt_ocp.experiments.comparison.sensitivity import solve_sweep
+from gbt_ocp.experiments.comparison.soundness import check_problems, check_rows
 from gbt_ocp.experiments.comparison.tables import Row, write_rows
 from gbt_ocp.experiments.comparison.treatments import COMPILED, IPOPT, Pair, treated
 from gbt_ocp.experiments.run import interrupted_between_steps
@@ -52,14 +54,15 @@ class CarryOut:
         with interrupted_between_steps() if here else nullcontext(unasked) as check:
             result = self._result(task, check)
             check()
+        # One short line at the end of the file: processes that write at once do not mix them up. Before the part: a
+        # process that is killed between the two leaves no part without its costs.
+        with (self.folder / COSTS).open("a", encoding="utf-8") as stream:
+            stream.write(f"{task.name} {process_time() - began:.3f}\n")
         path = self.folder / PARTS / task.name
         if isinstance(result, Problems):
             result.save(path)
         else:
             write_rows(path, result)
-        # one short line at the end of the file: processes that write at once do not mix them up
-        with (self.folder / COSTS).open("a", encoding="utf-8") as stream:
-            stream.write(f"{task.name} {process_time() - began:.3f}\n")
         return True
 
     def _result(self, task: Task, check: Check) -> Problems | list[Row]:
@@ -90,6 +93,11 @@ def gather_problems(plan: Plan, folder: Path) -> list[int]:
     sizes = []
     for configuration in plan.configurations:
         path = problems_file(folder, configuration.name)
+        if path.is_file():
+            try:
+                check_problems(load_problems(path), configuration, range(plan.runs), plan.random)
+            except ValueError as fault:
+                _remove(path, fault)
         if not path.is_file():
             parts = [folder / PARTS / f"record-{configuration.name}-{run}.npz" for run in range(plan.runs)]
             joined([*map(Problems.load, parts), draw(configuration, plan.random)]).save(path)
@@ -97,9 +105,35 @@ def gather_problems(plan: Plan, folder: Path) -> list[int]:
     return sizes
 
 
-@lru_cache(maxsize=2)
+def is_whole(task: Task, plan: Plan, folder: Path) -> bool:
+    """Whether the file of a task is there and sound; one that is damaged is removed, and a line says so."""
+    path, configuration = folder / PARTS / task.name, plan.configurations[task.case]
+    if not path.is_file():
+        return False
+    try:
+        if task.kind == "record":
+            check_problems(Problems.load(path), configuration, [task.argument], 0)
+        else:
+            check_rows(path, task, plan, load_problems(problems_file(folder, configuration.name)))
+    except ValueError as fault:
+        _remove(path, fault)
+        return False
+    return True
+
+
+def _remove(path: Path, fault: ValueError) -> None:
+    print(f"{path}: damaged ({fault}); it is made again", file=sys.stderr)
+    path.unlink()
+
+
 def load_problems(path: Path) -> Problems:
     """Problems of a file, kept from the last call."""
+    state = path.stat()
+    return _loaded(path, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=2)
+def _loaded(path: Path, changed: int, size: int) -> Problems:
     return Problems.load(path)
 
 
@@ -111,5 +145,9 @@ def _searchers() -> list[Pair]:
 def costs(folder: Path) -> dict[str, float]:
     """Processor time in s of the tasks that were carried out, by name."""
     path = folder / COSTS
-    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
-    return {name: float(seconds) for name, _, seconds in (line.rpartition(" ") for line in lines)}
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
+    found = {}
+    for name, _, seconds in (line.rpartition(" ") for line in lines):
+        with suppress(ValueError):  # a damaged line: the costs of that task are not known
+            found[name] = float(seconds)
+    return found

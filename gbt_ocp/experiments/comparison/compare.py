@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import sys
@@ -14,20 +15,25 @@ from typing import Any
 from tqdm import tqdm
 
 from gbt_ocp.experiments.comparison import summaries
-from gbt_ocp.experiments.comparison.carrying_out import PARTS, PROBLEMS, CarryOut, costs, gather_problems
+from gbt_ocp.experiments.comparison.carrying_out import PARTS, PROBLEMS, CarryOut, costs, gather_problems, is_whole
 from gbt_ocp.experiments.comparison.plan import Plan, Task, measurements, recordings
 from gbt_ocp.experiments.comparison.tables import Row, read_rows, write_rows
 from gbt_ocp.experiments.comparison.treatments import COMPILED, FORMULATIONS, SOLVERS, chosen_pairs, described
 from gbt_ocp.experiments.comparison.verdict import verdict
 from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.experiments.faults import ConfigurationError
+from gbt_ocp.experiments.folder_lock import alone_in
 from gbt_ocp.experiments.guidance_sections import PlannerGuidance
 from gbt_ocp.experiments.loading import load_config
 from gbt_ocp.experiments.run import interrupted_between_steps
+from gbt_ocp.experiments.run_folder import PARTIAL
 from gbt_ocp.experiments.sweep.engines import make_engine
 from gbt_ocp.ocp.codegen.building import find_compiler
 
 PLAN, TABLES, VERDICT = "comparison.json", "tables", "verdict.txt"
+
+_LEFT = ((PARTS, ".*"), (PROBLEMS, ".*"), (TABLES, ".*"), (".", f".*{PARTIAL}*"), ("figures", f".*{PARTIAL}*"))
+_ALLOWED = "allowed: a new or empty folder, or one of the same comparison"
 
 Source = Configuration | str | Path | Mapping[str, Any]
 
@@ -109,6 +115,17 @@ def compare(
     """
     plan = _planned(configurations, formulations, solvers, runs, problems, full, list(overrides))
     folder = _folder(plan, out)
+    try:
+        with alone_in(folder):
+            _begin(folder, plan)
+            return _compared(plan, folder, jobs, progress)
+    except OSError as fault:
+        raise ConfigurationError(
+            [f"{folder}: cannot be written ({fault}); free space or rights, then give the same command again"]
+        ) from fault
+
+
+def _compared(plan: Plan, folder: Path, jobs: int | None, progress: bool) -> Comparison:
     with _progress(progress) as bar:
         first = recordings(plan)
         try:
@@ -118,11 +135,18 @@ def compare(
                 check()
             tasks = measurements(plan, sizes)
             _carry_out(tasks, plan, folder, jobs, bar)
+            return _summed_up(plan, folder, first, tasks)
         except KeyboardInterrupt as fault:
             kept = sum(not path.name.startswith(".") for path in (folder / PARTS).iterdir())
             raise ComparisonInterruptedError(
                 f"{kept} of {bar.total} tasks are finished and kept in {folder}; the same command goes on with them"
             ) from fault
+
+
+def _summed_up(plan: Plan, folder: Path, first: list[Task], tasks: list[Task]) -> Comparison:
+    from gbt_ocp.reporting.comparison import write_report  # matplotlib only when something is drawn
+    from gbt_ocp.reporting.whole_file import whole_file
+
     tables = _tables(plan, folder, tasks)
     tables["costs"] = summaries.costs([*first, *tasks], costs(folder))
     (folder / TABLES).mkdir(exist_ok=True)
@@ -131,10 +155,8 @@ def compare(
     # read back, so that a report never says what the files do not
     tables = {name: read_rows(folder / TABLES / f"{name}.csv") for name in tables}
     sentences = verdict(tables, plan.pairs)
-    (folder / VERDICT).write_text("\n".join(sentences) + "\n", encoding="utf-8")
-
-    from gbt_ocp.reporting.comparison import write_report  # matplotlib only when something is drawn
-
+    with whole_file(folder / VERDICT) as temporary:
+        temporary.write_text("\n".join(sentences) + "\n", encoding="utf-8")
     write_report(folder)
     return Comparison(folder, plan, tables, sentences)
 
@@ -179,21 +201,43 @@ def _folder(plan: Plan, out: str | os.PathLike[str] | None) -> Path:
     names = "-".join(configuration.name for configuration in plan.configurations)
     folder = Path("runs") / f"compare-{names}" if out is None else Path(out)
     try:
-        known = (folder / PLAN).read_text(encoding="utf-8") if (folder / PLAN).is_file() else None
-        if known is None and folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
-            found = f"{folder}, which is not an empty folder"
-        elif known is not None and known not in (plan.to_json(), replace(plan, full=False).to_json()):
-            found = f"{folder}, which holds another comparison"
+        if folder.exists() and not folder.is_dir():
+            found = f"{folder}, which is a file"
+        elif folder.is_dir() and any(map(_is_final, folder.iterdir())) and not (folder / PLAN).is_file():
+            found = f"{folder}, which is not an empty folder and has no {PLAN}"
         else:
-            for inner in (folder, folder / PARTS, folder / PROBLEMS):
-                inner.mkdir(parents=True, exist_ok=True)
-            for left in (folder / PARTS).glob(".*"):  # of a process that was killed
-                left.unlink()
-            (folder / PLAN).write_text(plan.to_json(), encoding="utf-8")
+            folder.mkdir(parents=True, exist_ok=True)
             return folder
     except OSError as fault:
         found = f"{folder}, which cannot be written ({fault})"
-    raise ConfigurationError([f"--out: found {found}; allowed: a new or empty folder, or one of the same comparison"])
+    raise ConfigurationError([f"--out: found {found}; {_ALLOWED}"])
+
+
+def _is_final(path: Path) -> bool:
+    """Whether it is more than what a process that was killed was writing."""
+    return not (path.name.startswith(".") and PARTIAL in path.name)
+
+
+def _begin(folder: Path, plan: Plan) -> None:
+    """Refuse the folder of another comparison, and make that of this one ready."""
+    from gbt_ocp.reporting.whole_file import whole_file
+
+    path = folder / PLAN
+    if path.is_file():
+        try:
+            known = path.read_text(encoding="utf-8")
+            json.loads(known)
+        except ValueError as fault:
+            raise ConfigurationError([f"--out: found {path}, which is damaged ({fault}); {_ALLOWED}"]) from None
+        if known not in (plan.to_json(), replace(plan, full=False).to_json()):
+            raise ConfigurationError([f"--out: found {folder}, which holds another comparison ({PLAN}); {_ALLOWED}"])
+    for place, names in _LEFT:  # by a process that was killed
+        for left in (folder / place).glob(names):
+            left.unlink()
+    with whole_file(path) as temporary:  # before anything else: without it the folder would be nobody's
+        temporary.write_text(plan.to_json(), encoding="utf-8")
+    for inner in (folder / PARTS, folder / PROBLEMS):
+        inner.mkdir(exist_ok=True)
 
 
 def _progress(shown: bool) -> Any:
@@ -202,7 +246,7 @@ def _progress(shown: bool) -> Any:
 
 
 def _carry_out(tasks: list[Task], plan: Plan, folder: Path, jobs: int | None, bar: Any) -> None:
-    missing = [task for task in tasks if not (folder / PARTS / task.name).is_file()]
+    missing = [task for task in tasks if not is_whole(task, plan, folder)]
     bar.total += len(tasks)
     bar.update(len(tasks) - len(missing))
     if not missing:

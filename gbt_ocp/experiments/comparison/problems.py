@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.experiments import build
+from gbt_ocp.experiments.archives import read_arrays
 from gbt_ocp.experiments.build_desired import build_desired_bearing
 from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.guidance.planned import PlannedMotion
@@ -70,6 +71,22 @@ class Instance:
             "desired": self.desired,
             "present": Forecast(mean[0], covariance[0]),
         }
+
+
+# N problems, L derivatives of n flat outputs, p pieces with m = p + 1 moments, d coordinates.
+_LAYOUT = {
+    "origin": "N",
+    "run": "N",
+    "time": "N",
+    "start": "NLn",
+    "mean": "Nmd",
+    "covariance": "Nmdd",
+    "desired": "Npd",
+    "previous_start": "NLn",
+    "previous_top": "Npn",
+    "period": "",
+}
+_KINDS = {"origin": "U", "run": "i"}
 
 
 @dataclass(frozen=True)
@@ -134,9 +151,27 @@ class Problems:
 
     @classmethod
     def load(cls, path: Path) -> Problems:
-        """Read them back."""
-        with np.load(path, allow_pickle=False) as archive:
-            return cls(**{field.name: archive[field.name] for field in fields(cls)})
+        """Read them back.
+
+        Raises
+        ------
+        ValueError
+            If the file is damaged, or its arrays do not fit each other.
+        """
+        arrays = read_arrays(path, _LAYOUT, "a set of problems")
+        sizes: dict[str, int] = {}
+        for name, layout in _LAYOUT.items():
+            array, kind = arrays[name], _KINDS.get(name, "f")
+            if array.ndim != len(layout) or array.dtype.kind != kind:
+                raise ValueError(
+                    f"{path}: {name}: found {array.dtype} of shape {array.shape}; allowed: {layout or 'one'}"
+                )
+            for letter, size in zip(layout, array.shape, strict=True):
+                if sizes.setdefault(letter, size) != size:
+                    raise ValueError(f"{path}: {name}: found shape {array.shape}; allowed: {letter} = {sizes[letter]}")
+        if not sizes["N"] or sizes["m"] != sizes["p"] + 1:
+            raise ValueError(f"{path}: found {sizes['N']} problems of {sizes['p']} pieces and {sizes['m']} moments")
+        return cls(**arrays)
 
 
 def joined(parts: list[Problems]) -> Problems:

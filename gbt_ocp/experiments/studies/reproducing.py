@@ -7,9 +7,24 @@ from importlib import import_module
 from pathlib import Path
 
 from gbt_ocp.experiments.faults import ConfigurationError
+from gbt_ocp.experiments.folder_lock import alone_in
 from gbt_ocp.experiments.studies import STUDIES
 from gbt_ocp.experiments.studies.workbench import Report, Workbench
 from gbt_ocp.experiments.sweep.sweeping import engine_for
+
+
+class StudyInterruptedError(KeyboardInterrupt):
+    """The study was interrupted; what was finished is in its folder.
+
+    Attributes
+    ----------
+    folder
+        Of the study.
+    """
+
+    def __init__(self, folder: Path, finished: str) -> None:
+        self.folder = folder
+        super().__init__(finished or f"the runs are kept in {folder}")
 
 
 def reproduce(
@@ -52,7 +67,7 @@ def reproduce(
     ------
     ConfigurationError
         If the input is wrong.
-    gbt_ocp.experiments.sweep.sweeping.SweepInterrupted
+    StudyInterruptedError
         If Ctrl-C was pressed.
     """
     if study not in STUDIES and study != "all":
@@ -61,13 +76,28 @@ def reproduce(
         raise ConfigurationError([f"found {runs} runs from seed {seed_from}; allowed: runs >= 1, seeds >= 0"])
     folder = _folder(study, out, resume)
     reports = {}
-    with engine_for(jobs, dask) as engine:
-        seeds = tuple(range(seed_from, seed_from + runs))
-        workbench = Workbench(folder, seeds, engine, tune, progress)
-        for name in STUDIES if study == "all" else [study]:
-            reports[name] = import_module(f"gbt_ocp.experiments.studies.{name}").conduct(workbench)
-            reports[name].write(folder / name)
+    try:
+        with alone_in(folder), engine_for(jobs, dask) as engine:
+            if out is not None and any(folder.iterdir()):  # another process was faster
+                raise _occupied(folder)
+            seeds = tuple(range(seed_from, seed_from + runs))
+            workbench = Workbench(folder, seeds, engine, tune, progress)
+            for name in STUDIES if study == "all" else [study]:
+                reports[name] = import_module(f"gbt_ocp.experiments.studies.{name}").conduct(workbench)
+                reports[name].write(folder / name)
+    except KeyboardInterrupt as fault:
+        raise StudyInterruptedError(folder, str(fault)) from fault
+    except OSError as fault:
+        raise ConfigurationError(
+            [f"{folder}: cannot be written ({fault}); free space or rights, then --resume {folder}"]
+        ) from fault
     return folder, reports
+
+
+def _occupied(folder: Path) -> ConfigurationError:
+    return ConfigurationError(
+        [f"--out: found {folder}, which is not an empty folder; allowed: a new or empty folder (or --resume)"]
+    )
 
 
 def _folder(study: str, out: str | os.PathLike[str] | None, resume: str | os.PathLike[str] | None) -> Path:
@@ -79,12 +109,16 @@ def _folder(study: str, out: str | os.PathLike[str] | None, resume: str | os.Pat
     if out is not None:
         folder = Path(out)
         if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
-            raise ConfigurationError(
-                [f"--out: found {folder}, which is not an empty folder; allowed: a new or empty folder (or --resume)"]
-            )
-        return folder
-    folder, count = Path("runs") / f"reproduce-{study}", 1
-    while folder.exists():
-        count += 1
-        folder = Path("runs") / f"reproduce-{study}-{count}"
+            raise _occupied(folder)
+    else:
+        folder, count = Path("runs") / f"reproduce-{study}", 1
+        while folder.exists():
+            count += 1
+            folder = Path("runs") / f"reproduce-{study}-{count}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise ConfigurationError(
+            [f"--out: found {folder}, which cannot be written ({fault}); allowed: a writable folder"]
+        ) from fault
     return folder

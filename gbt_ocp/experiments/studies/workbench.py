@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -77,11 +78,39 @@ class Report:
         return "\n\n".join(parts) + "\n"
 
     def write(self, folder: Path) -> None:
-        """Write ``report.md``, the tables and the figures into a folder; an older report there is replaced."""
+        """Write ``report.md``, the tables and the figures into a folder; an older report there is replaced.
+
+        Raises
+        ------
+        FileExistsError
+            If something else is there.
+        """
+        with self._aside(folder):
+            self._write(folder)
+
+    @contextmanager
+    def _aside(self, folder: Path) -> Iterator[None]:
+        """Move an older report, or what is left of it, out of the way; it comes back if there is no new one."""
+        names = {REPORT, *self.files, *(f"{name}.png" for name in self.figures)}
+        names |= {f"{name}.{kind}" for name in self.tables for kind in ("csv", "tex")}
+        there = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
+        if not there or not ((folder / REPORT).is_file() or there <= names):
+            yield
+            return
+        # a rename, so that nobody ever sees half of a report
+        older = run_folder.temporary_beside(folder)
+        folder.rename(older)
+        try:
+            yield
+        finally:
+            if folder.exists():
+                shutil.rmtree(older, ignore_errors=True)
+            else:
+                older.rename(folder)
+
+    def _write(self, folder: Path) -> None:
         from gbt_ocp.reporting import style
 
-        if (folder / REPORT).is_file():
-            shutil.rmtree(folder)
         with run_folder.whole_folder(folder) as temporary:
             (temporary / REPORT).write_text(self.markdown(), encoding="utf-8")
             for name, table in self.tables.items():

@@ -6,8 +6,11 @@ An engine maps a function over jobs and yields each job with what became of it, 
 from __future__ import annotations
 
 import os
+import signal
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, Protocol, TypeVar
 
 from tqdm import tqdm
@@ -63,12 +66,39 @@ class Processes:
             # take this process.
             parallel = Parallel(n_jobs=max(2, self._count), return_as="generator_unordered", batch_size=1)
             home = os.getpid()
-            done = parallel(delayed(_numbered)(function, index, job, home) for index, job in enumerate(jobs))
+            done: Any = None
             try:
+                with _interrupts_held():
+                    done = parallel(delayed(_numbered)(function, index, job, home) for index, job in enumerate(jobs))
                 for index, result in done:
                     yield jobs[index], result
             except TerminatedWorkerError as fault:
                 raise WorkerDiedError(str(fault).partition("\n")[0]) from fault
+            except (GeneratorExit, KeyboardInterrupt):  # nobody wants the rest: joblib need not say that it ends it
+                if done is not None:
+                    with warnings.catch_warnings():
+                        warnings.simplefilter("ignore")
+                        done.close()
+                raise
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Workers that are started in here never hear Ctrl-C: their parent ends them, and has the word.
+
+    Ctrl-C goes to all processes of a terminal. One that is being loaded would answer with a traceback.
+    """
+    if os.name != "posix" or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    from joblib.externals.loky.backend import resource_tracker
+
+    resource_tracker.ensure_running()  # it would let go of what is held
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _numbered(function: Callable[[Any], bool], index: int, job: Any, home: int) -> tuple[int, bool]:

@@ -39,16 +39,22 @@ def execute(run: PlannedRun, folder: Path, histories: bool = True, arrays: tuple
     # In here, so that a worker unpickles this function before it pays for CasADi.
     from gbt_ocp.experiments.run import run as run_experiment
 
-    configuration = run.configuration
-    with run_folder.whole_folder(folder / run.identifier) as temporary:
-        try:
-            result = run_experiment(configuration)
-        except Exception as fault:
-            _write_failure(temporary, configuration, f"{type(fault).__name__}: {fault}", traceback.format_exc())
-            return False
-        result.write(temporary, history=histories, figures=False)
-        if arrays:
-            np.savez(temporary / ARRAYS, **{name: getattr(result.history, name) for name in arrays})
+    configuration, own = run.configuration, folder / run.identifier
+    try:
+        with run_folder.whole_folder(own) as temporary:
+            try:
+                result = run_experiment(configuration)
+            except Exception as fault:
+                _write_failure(temporary, configuration, f"{type(fault).__name__}: {fault}", traceback.format_exc())
+                return False
+            result.write(temporary, history=histories, figures=False)
+            if arrays:
+                np.savez(temporary / ARRAYS, **{name: getattr(result.history, name) for name in arrays})
+    except FileExistsError:
+        # A worker of a sweep that was killed has finished this run meanwhile, and runs repeat: its folder is as good.
+        if not (own / run_folder.CONFIGURATION).is_file():
+            raise
+        return not (own / FAILURE).is_file()
     return True
 
 

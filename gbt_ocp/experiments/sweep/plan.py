@@ -16,6 +16,7 @@ from typing import Any
 from gbt_ocp.experiments import dialect
 from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.experiments.faults import ConfigurationError, shown
+from gbt_ocp.experiments.history import History
 from gbt_ocp.experiments.loading import load_config
 
 FORMAT = 1
@@ -117,12 +118,30 @@ class SweepPlan:
             plan = json.loads(text)
             if plan["format"] != FORMAT:
                 raise ValueError(f"found format {plan['format']}; allowed: {FORMAT}")
-            variants = tuple(
-                Variant(entry["overrides"], load_config(entry["configuration"])) for entry in plan["variants"]
+            found = cls(
+                tuple(
+                    Variant(dict(one["overrides"]), load_config(dict(one["configuration"]))) for one in plan["variants"]
+                ),
+                tuple(plan["seeds"]),
+                plan["histories"],
+                tuple(plan["arrays"]),
             )
-            return cls(variants, tuple(plan["seeds"]), plan["histories"], tuple(plan["arrays"]))
-        except (KeyError, TypeError) as fault:
+        except (KeyError, TypeError, RecursionError) as fault:
             raise ValueError(f"found no plan of a sweep ({type(fault).__name__}: {fault})") from None
+        if not found.variants or not found.seeds or not all(type(seed) is int and seed >= 0 for seed in found.seeds):
+            raise ValueError(
+                f"found {len(found.variants)} variants, seeds {shown(plan['seeds'])}; allowed: some of each"
+            )
+        if type(found.histories) is not bool or not all(map(_is_recorded, found.arrays)):
+            kept = f"histories {shown(found.histories)}, arrays {shown(plan['arrays'])}"
+            raise ValueError(f"found {kept}; allowed: true or false, and names of what a history has")
+        return found
+
+
+def _is_recorded(name: Any) -> bool:
+    return isinstance(name, str) and (
+        name in History.__dataclass_fields__ or isinstance(getattr(History, name, None), property)
+    )
 
 
 def plan_sweep(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, nullcontext
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import closing, nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,11 +17,14 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from gbt_ocp.experiments import run_folder
+from gbt_ocp.experiments.archives import read_arrays
 from gbt_ocp.experiments.configuration import Configuration
 from gbt_ocp.experiments.faults import ConfigurationError, shown
+from gbt_ocp.experiments.folder_lock import alone_in
 from gbt_ocp.experiments.sweep.engines import Cluster, Engine, Processes, WorkerDiedError, make_engine
 from gbt_ocp.experiments.sweep.execution import ARRAYS, execute, record_lost
 from gbt_ocp.experiments.sweep.plan import Overrides, PlannedRun, SweepPlan, plan_sweep
+from gbt_ocp.experiments.sweep.soundness import remove_damaged
 from gbt_ocp.experiments.sweep.table import Row, row_of, write_table
 
 Array = NDArray[np.float64]
@@ -72,12 +75,13 @@ class Sweep:
         ------
         FileNotFoundError
             If the runs did not keep it.
+        ValueError
+            If a file is damaged.
         """
         found = []
         for row in rows:
             path = self.run_folder(row) / (ARRAYS if name in self.plan.arrays else run_folder.HISTORY)
-            with np.load(path, allow_pickle=False) as archive:
-                found.append(archive[name])
+            found.append(read_arrays(path, [name], "arrays of a run")[name])
         return np.array(found)
 
 
@@ -201,6 +205,7 @@ def resumed_plan(folder: Path, plan: SweepPlan | None) -> SweepPlan:
         found = SweepPlan.from_json(text)
     except (OSError, ValueError) as fault:
         line = str(fault).partition("\n")[0]
+        line = line if isinstance(fault, OSError) else f"{PLAN}: {line}"  # the others do not name it
         raise ConfigurationError(
             [f"--resume: found {folder}, which holds no sweep ({line}); allowed: the folder of a sweep"]
         ) from None
@@ -252,19 +257,40 @@ def carry_out(plan: SweepPlan, folder: Path, engine: Engine, *, progress: bool =
     SweepInterrupted
         If Ctrl-C was pressed; the table holds what is finished.
     ConfigurationError
-        If the workers of a cluster do not see the folder.
+        If another process is at work in the folder, or the workers of a cluster do not see it.
     """
     own = Path(os.path.abspath(folder)) / RUNS  # a worker may run elsewhere
     runs = list(plan.runs())
-    _remove_damaged(runs, own)
+    try:
+        with alone_in(folder):
+            _carry_out(plan, runs, own, engine, progress, title)
+            for entry in _abandoned(own):
+                shutil.rmtree(entry, ignore_errors=True)
+            for entry in folder.glob(f".*{run_folder.PARTIAL}*"):  # tables that were being written
+                entry.unlink()
+            return collect(plan, folder)
+    except KeyboardInterrupt:
+        with suppress(ValueError, OSError):  # a damaged run that was not found yet, a full disk
+            collect(plan, folder)
+        finished = sum((own / run.identifier).is_dir() for run in runs)
+        raise SweepInterrupted(folder, finished, len(plan)) from None
+    except OSError as fault:
+        raise ConfigurationError(
+            [f"{folder}: cannot be written ({fault}); free space or rights, then --resume {folder}"]
+        ) from fault
+
+
+def _carry_out(plan: SweepPlan, runs: list[PlannedRun], own: Path, engine: Engine, progress: bool, title: str) -> None:
+    remove_damaged(runs, plan, own)
     pending = [run for run in runs if not (own / run.identifier).is_dir()]
     job = partial(execute, folder=own, histories=plan.histories, arrays=plan.arrays)
     with tqdm(
         total=len(runs), initial=len(runs) - len(pending), disable=not progress, file=sys.stderr, unit="run", desc=title
     ) as bar:
         failures = 0
-        try:
-            for run, succeeded in _finished(engine, pending, job, own):
+        # closed at once when it is interrupted: its workers have the same folder
+        with closing(_finished(engine, pending, job, own)) as finished:
+            for run, succeeded in finished:
                 if not (own / run.identifier).is_dir():
                     raise ConfigurationError(
                         [f"--dask: found workers that do not see {own}; allowed: workers that share this folder"]
@@ -273,28 +299,6 @@ def carry_out(plan: SweepPlan, folder: Path, engine: Engine, *, progress: bool =
                 if failures:
                     bar.set_postfix_str(f"{failures} failed", refresh=False)
                 bar.update()
-        except KeyboardInterrupt:
-            kept = collect(plan, folder)
-            raise SweepInterrupted(folder, len(kept.rows), len(plan)) from None
-        except OSError as fault:
-            raise ConfigurationError(
-                [f"{folder}: cannot be written ({fault}); free space or rights, then --resume {folder}"]
-            ) from fault
-    for entry in _abandoned(own):
-        shutil.rmtree(entry, ignore_errors=True)
-    return collect(plan, folder)
-
-
-def _remove_damaged(runs: Sequence[PlannedRun], own: Path) -> None:
-    """Remove run folders that cannot be read: whoever wrote them is not to be trusted, so they are run again."""
-    for run in runs:
-        if not (own / run.identifier).is_dir():
-            continue
-        try:
-            row_of(run, own)
-        except (ValueError, KeyError, TypeError, FileNotFoundError) as fault:
-            print(f"{own / run.identifier}: damaged ({fault}); it is run again", file=sys.stderr)
-            shutil.rmtree(own / run.identifier)
 
 
 def collect(plan: SweepPlan, folder: Path) -> Sweep:
@@ -307,7 +311,7 @@ def collect(plan: SweepPlan, folder: Path) -> Sweep:
 
 def _finished(
     engine: Engine, pending: list[PlannedRun], job: Callable[[PlannedRun], bool], own: Path
-) -> Iterator[tuple[PlannedRun, bool]]:
+) -> Generator[tuple[PlannedRun, bool]]:
     """Runs as they finish. Those during which a worker died are tried again, each in a process of its own."""
     while pending:
         try:

@@ -51,11 +51,21 @@ def row_of(run: PlannedRun, folder: Path) -> Row:
     own = folder / run.identifier
     failure = own / FAILURE
     if failure.is_file():
-        row["status"], row["error"] = "failed", json.loads(failure.read_text(encoding="utf-8"))["error"]
+        row["status"], row["error"] = "failed", _error_of(failure)
         return row
     # A column of an override says what was asked; a key of the summary never takes its place.
     summary = flattened(run_folder.read_summary(own))
     return row | {key: value for key, value in summary if key not in row}
+
+
+def _error_of(path: Path) -> str:
+    try:
+        error = json.loads(path.read_text(encoding="utf-8"))["error"]
+    except (ValueError, KeyError, TypeError, RecursionError) as fault:
+        raise ValueError(f"{path}: found no error ({type(fault).__name__}: {fault})") from None
+    if not isinstance(error, str):
+        raise ValueError(f"{path}: error: found {error!r:.60}; allowed: a text")
+    return error
 
 
 def write_table(folder: Path, rows: Sequence[Row]) -> None:
