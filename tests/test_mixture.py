@@ -130,8 +130,8 @@ def test_foretold_densities_add_up_to_the_evidence_of_the_velocity_process(dimen
         else:
             mean, covariance = anchor.mean[None], anchor.covariance[None]
         total += log_density(single(bearings[k], own[k], 5.0), Forecast(mean, covariance), noise, SIGMA**2)
-    # the densities are linearised at what was foretold, which is not the truth
-    assert total == pytest.approx(expected, abs=0.1)
+    # the densities are linearised at what was foretold and not at the truth; a range left out would be 3 nats a row
+    assert total == pytest.approx(expected, abs=0.2)
 
 
 def test_no_single_bin_decides():
