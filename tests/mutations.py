@@ -65,6 +65,7 @@ TEXTS = [
     "case9",
     "gp",
     "motion_gp",
+    "mixture",
 ]
 TEXTS += [
     "track",

@@ -13,7 +13,7 @@ from gbt_ocp.tracking.protocol import PositionTracker
 FEW = settings(max_examples=60, deadline=None, database=None, derandomize=True, suppress_health_check=list(HealthCheck))
 REACHES = [1e-9, 1e-3, 1.0, 50.0, 1e6]
 ANGLES = [0.0, np.pi, -np.pi, np.nextafter(np.pi, 0.0), 0.5 * np.pi, -0.5 * np.pi, 1e-12, 1.0]
-KINDS = ["gp", "lmc", "motion_gp", "oe_s", "oe_cv", "plkf", "imm_plkf", "ekf", "imm_ekf", "imm_kf_f", "pr"]
+KINDS = ["gp", "lmc", "motion_gp", "mixture", "oe_s", "oe_cv", "plkf", "imm_plkf", "ekf", "imm_ekf", "imm_kf_f", "pr"]
 TRACKERS = {
     **{kind: [f"tracker.kind={kind}"] for kind in KINDS},
     "noisy gp": ["sensor.noise_deg=1.0"],
@@ -69,7 +69,7 @@ def stories(draw, dimension):
 def test_trackers_stay_finite_with_a_covariance(name, dimension):
     configuration = load_config("case2" if dimension == 2 else "case5", TRACKERS[name])
 
-    @settings(FEW, max_examples=5 if name in ("motion_gp", "noisy gp") else 15)  # these two take a while
+    @settings(FEW, max_examples=5 if name in ("motion_gp", "mixture", "noisy gp") else 15)  # these take a while
     @given(stories(dimension))
     def once(story):
         tracker, time, latest = build_tracker(configuration, np.zeros(dimension)), 0.0, -np.inf

@@ -16,6 +16,7 @@ from gbt_ocp.tracking.gp import GaussianProcessTracker
 from gbt_ocp.tracking.imm import ImmPositionTracker, ImmPseudoLinearTracker, InteractingMultipleModel
 from gbt_ocp.tracking.likelihood import LogNormal
 from gbt_ocp.tracking.lmc import CoregionalizedTracker
+from gbt_ocp.tracking.mixture import MixtureTracker, velocity_scale
 from gbt_ocp.tracking.motion_gp import MotionShapeTracker
 from gbt_ocp.tracking.noisy_gp import NoisyGaussianProcessTracker
 from gbt_ocp.tracking.orthogonality import OrthogonalityTracker
@@ -48,7 +49,9 @@ def build_tracker(configuration: Configuration, start: Array) -> Tracker | Posit
             prior_covariance=covariance,
             start=start,
         )
-    if isinstance(section, sections.MotionTracker):
+    if isinstance(section, sections.MixtureTracker):
+        return _mixture(section, dimension, start, position, covariance)
+    if isinstance(section, sections.ShapeTracker):
         return _motion(section, dimension, start, position, covariance)
     noise = noise_of(section, configuration.sensor.noise_deg)
     if noise is not None:
@@ -68,7 +71,7 @@ def build_tracker(configuration: Configuration, start: Array) -> Tracker | Posit
 
 
 def _motion(
-    section: sections.MotionTracker, dimension: int, start: Array, position: Array | None, covariance: Array | None
+    section: sections.ShapeTracker, dimension: int, start: Array, position: Array | None, covariance: Array | None
 ) -> MotionShapeTracker:
     """The Gaussian process on the shape of the motion."""
     prior = ShapePrior(
@@ -95,6 +98,29 @@ def _motion(
         known_covariance=covariance,
         start=start,
     )
+
+
+def _mixture(
+    section: sections.MixtureTracker, dimension: int, start: Array, position: Array | None, covariance: Array | None
+) -> MixtureTracker:
+    """Both Gaussian processes, told the same of sensor, speed and range."""
+    motion, noise = _motion(section, dimension, start, position, covariance), _noise(section.noise)
+    velocity = NoisyGaussianProcessTracker(
+        dimension,
+        noise=noise,
+        bins=motion.bins,
+        kernel="velocity_matern32",
+        priors=MotionPriors(
+            velocity_scale(LogNormalPrior(section.speed.median, section.speed.log_std), dimension),
+            LogNormal(section.velocity_time_s, math.log(2.0)),
+            LogNormal(section.range.median_m, section.range.log_std),
+            2.0 * section.range.median_m,
+        ),
+        prior_position=position,
+        prior_covariance=covariance,
+        start=start,
+    )
+    return MixtureTracker(motion, velocity, noise)
 
 
 def _noise(section: Noise, std_deg: float | None = None) -> BearingNoise:

@@ -16,7 +16,7 @@ from gbt_ocp.experiments.faults import NOTHING, Fault, kinds, shown, union_of, v
 from gbt_ocp.experiments.keys import Section
 from gbt_ocp.experiments.noise_sections import NoisyBearings
 from gbt_ocp.experiments.problem import TrackingProblem
-from gbt_ocp.experiments.tracker_sections import MotionTracker, TrackerSection
+from gbt_ocp.experiments.tracker_sections import ShapeTracker, TrackerSection
 from gbt_ocp.targets import TrackTarget
 
 _BINS = ("bin_s", "window_s")
@@ -108,8 +108,8 @@ def _one_of(merged: Mapping[str, Any], path: tuple[str, ...], first: str, second
 def _noise(merged: Mapping[str, Any]) -> Iterator[Fault]:
     """What the tracker is told of noise beside what the sensor makes."""
     path, kind = ("tracker", "noise"), value_at(merged, ("tracker", "kind"))
-    if kind == "motion_gp":
-        yield from _bins(merged, ("tracker",), MotionTracker, 4)
+    if kind in ("motion_gp", "mixture"):
+        yield from _bins(merged, ("tracker",), ShapeTracker, 4)
     if not isinstance(value_at(merged, path), Mapping) or kind != "gp":
         return
     if value_at(merged, (*path, "std_deg")) in (NOTHING, None) and not _number(merged, ("sensor", "noise_deg"), 0.0):

@@ -21,6 +21,7 @@ from gbt_ocp.experiments.consistency import inconsistencies
 from gbt_ocp.experiments.extremes import extremes
 from gbt_ocp.experiments.faults import NOTHING, ConfigurationError, Fault, faults_of, shown, value_at
 from gbt_ocp.experiments.problem import TrackingProblem
+from gbt_ocp.experiments.tracker_sections import ShapeTracker
 
 PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
@@ -60,6 +61,10 @@ _SHARED: dict[tuple[str, ...], tuple[str, ...]] = {
 # The two Gaussian processes have these in common besides, so that a preset means the same to both.
 _PROCESSES = ("gp", "lmc")
 _SHARED_BY_PROCESSES = ("centre", "length_scale", "nugget", "bound_delta")
+
+# What is known of sensor and target is the same to the motion's shape alone and in the mixture.
+_SHAPES = ("motion_gp", "mixture")
+_SHARED_BY_SHAPES = tuple(ShapeTracker.model_fields)
 
 
 @dataclass(frozen=True)
@@ -280,6 +285,8 @@ def _overlay(base: Mapping[str, Any], above: Mapping[str, Any], path: tuple[str,
         shared = _SHARED.get(path, ())
         if path == ("tracker",) and above["kind"] in _PROCESSES and base["kind"] in _PROCESSES:
             shared = (*shared, *_SHARED_BY_PROCESSES)
+        if path == ("tracker",) and above["kind"] in _SHAPES and base["kind"] in _SHAPES:
+            shared = tuple(name for name in _SHARED_BY_SHAPES if name != "kind")
         merged = {key: base[key] for key in shared if key in base}
     alternatives = _ALTERNATIVES.get(path, ())
     if any(above.get(key) is not None for key in alternatives):

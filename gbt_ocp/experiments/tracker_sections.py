@@ -19,6 +19,7 @@ TRACKERS = {
     "gp": "Gaussian process on a window of pseudo-linear bearings (paper, section 3)",
     "lmc": "Gaussian process whose axes move together: linear model of coregionalization (section 3.3)",
     "motion_gp": "Gaussian process on turn rate and log speed, for noisy bearings and unknown range",
+    "mixture": "motion_gp and a Gaussian process on the velocity, weighed by how well each foretold the bearings",
     "oe_s": "orthogonality-based estimator of a static target",
     "oe_cv": "orthogonality-based estimator of a target with constant velocity",
     "plkf": "pseudo-linear Kalman filter",
@@ -135,10 +136,9 @@ class RangePrior(Section):
     log_std: float = key(1.0, "Standard deviation of the logarithm of the range.", "a number > 0", gt=0.0)
 
 
-class MotionTracker(TrackerSection):
-    """Gaussian process on the shape of the motion."""
+class ShapeTracker(TrackerSection):
+    """What the trackers with a Gaussian process on the shape of the motion share."""
 
-    kind: Literal["motion_gp"] = Field(description="Gaussian process on turn rate and log speed.")
     noise: Noise = Field(default_factory=Noise, description="Noise of the bearings.")
     bin_s: float = key(1.5, "Width of the bins in s over which bearings are averaged.", "a number > 0", gt=0.0)
     window_s: float = key(60.0, "Age of the oldest bin in s.", "a number of at least 4 bins", gt=0.0)
@@ -176,6 +176,24 @@ class MotionTracker(TrackerSection):
         (0.03, 0.1, 0.3), "Standard deviations of the change of log speed, averaged over.", "a list of numbers > 0"
     )
     speed_time_s: float = key(30.0, "Time scale of the change of log speed in s.", "a number > 0", gt=0.0)
+
+
+class MotionTracker(ShapeTracker):
+    """Gaussian process on the shape of the motion."""
+
+    kind: Literal["motion_gp"] = Field(description="Gaussian process on turn rate and log speed.")
+
+
+class MixtureTracker(ShapeTracker):
+    """Gaussian processes on the shape of the motion and on the velocity."""
+
+    kind: Literal["mixture"] = Field(description="Gaussian processes on the motion's shape and on the velocity.")
+    velocity_time_s: float = key(
+        20.0,
+        "Median time scale of the velocity in s; scales from a quarter to four times as long are averaged over.",
+        "a number > 0",
+        gt=0.0,
+    )
 
 
 class BaselineTracker(TrackerSection):
@@ -301,6 +319,7 @@ AnyTracker = Annotated[
     GaussianProcessTracker
     | CoregionalizedTracker
     | MotionTracker
+    | MixtureTracker
     | OrthogonalityStaticTracker
     | OrthogonalityVelocityTracker
     | PseudoLinearKalmanTracker

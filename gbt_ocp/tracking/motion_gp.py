@@ -328,6 +328,11 @@ class MotionShapeTracker:
     # ---- what is known ----------------------------------------------------------------------------------------------
 
     @property
+    def estimated_at(self) -> float:
+        """Time of the latest estimate in seconds; NaN before the first."""
+        return float(self._now)
+
+    @property
     def weights(self) -> Array:
         """Probability of each component ``(B,)``."""
         assert self._fit is not None

@@ -65,6 +65,8 @@ class NoisyGaussianProcessTracker:
         Bearings kept; with ``bin_width`` the age in seconds of the oldest bin.
     bin_width
         Width in seconds of the bins over which bearings are averaged; ``None`` takes each by itself.
+    bins
+        Bins that somebody else fills, instead of ``window`` and ``bin_width``; see :meth:`follow`.
     kernel
         A name of :data:`~gbt_ocp.tracking.displacement_kernels.DISPLACEMENT_KERNELS`.
     priors
@@ -93,6 +95,7 @@ class NoisyGaussianProcessTracker:
         noise: BearingNoise,
         window: float = 40,
         bin_width: float | None = None,
+        bins: BearingBins | None = None,
         kernel: str = "velocity_se",
         priors: MotionPriors | None = None,
         hyperparameters: Literal["averaged", "maximum"] = "averaged",
@@ -115,7 +118,8 @@ class NoisyGaussianProcessTracker:
         """How often a lost track was begun again."""
         self.nugget_retries = 0
         self._noise = noise
-        self._bins = None if bin_width is None else BearingBins(bin_width, window)
+        self._follows = bins is not None
+        self._bins = BearingBins(bin_width, window) if bin_width is not None else bins
         self._window = Window(int(window) if bin_width is None else 2)
         self._kernel = DISPLACEMENT_KERNELS[kernel]
         self._priors = MotionPriors() if priors is None else priors
@@ -149,6 +153,10 @@ class NoisyGaussianProcessTracker:
             self._window.append(time, bearing, own_position)
         else:
             self._bins.append(time, bearing, own_position)
+        self.follow(time, bearing, own_position)
+
+    def follow(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
+        """Condition on the window, in which the sample is the latest already: as :meth:`update`, but adding nothing."""
         self._test(float(time), np.asarray(bearing, dtype=float), np.asarray(own_position, dtype=float))
         samples = self._samples()
         if not self._observable:
@@ -200,14 +208,13 @@ class NoisyGaussianProcessTracker:
 
     def _begin_again(self) -> None:
         """Forget all but the latest samples, and all hypotheses."""
-        if self._bins is not None:
-            self._bins.forget_before(self._bins.means().times[-min(len(self._bins), 3)])
-        else:
-            kept = Window(self._window.capacity)
-            old = self._window
+        if self._bins is None:
+            kept, old = Window(self._window.capacity), self._window
             for sample in list(zip(old.times, old.bearings, old.own_positions, strict=True))[-RECENT:]:
                 kept.append(*sample)
             self._window = kept
+        elif not self._follows:
+            self._bins.forget_before(self._bins.means().times[-min(len(self._bins), 3)])
         self._hypotheses, self._observable, self._known = [], False, None
         self._innovations.clear()
 
