@@ -45,6 +45,9 @@ SEARCHED = {
     "plkf, compensated": {"process_noise": [3e-4, 1e-3, 3e-3]},
 }
 
+OURS = ["motion_gp", "mixture"]
+"""The tracker that the configurations name, and the same mixed with the velocity's."""
+
 NUMBERS = {
     "relative_error": ("now, % of range", 100.0),
     "relative_error_10s": ("+10 s, %", 100.0),
@@ -59,8 +62,8 @@ WORST = {"relative_error": max, "relative_error_10s": max, "coverage_95": min, "
 
 def overrides(configuration: str, tracker: str, **changes: Any) -> dict[str, Any]:
     """Keys of a run: the tracker as shipped, or a rival with the same forecast."""
-    if tracker == "motion_gp":
-        return {}
+    if tracker in OURS:
+        return {} if tracker == "motion_gp" else {"tracker.kind": tracker}
     shipped = gbt.load_config(configuration).tracker
     same = {"forecast": shipped.forecast, "forecast_period_s": shipped.forecast_period_s}
     return {"tracker": {**RIVALS[tracker], **same, **changes}}
@@ -83,7 +86,7 @@ def main() -> None:
     """Print the table as Markdown."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("configurations", nargs="+")
-    parser.add_argument("--trackers", nargs="+", default=["motion_gp", *RIVALS], choices=["motion_gp", *RIVALS])
+    parser.add_argument("--trackers", nargs="+", default=["motion_gp", *RIVALS], choices=[*OURS, *RIVALS])
     parser.add_argument("--starts", nargs="+", type=float, help="ranges in m to start from")
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--duration", type=float)

@@ -194,7 +194,7 @@ def test_each_model_is_found_on_its_own_data():
 class Told:
     """A part that says what it is told to."""
 
-    dimension = 2
+    dimension, range_observable = 2, True
 
     def __init__(self, mean, covariance):
         self.said = Forecast(np.array([mean]), np.array([covariance]))
@@ -288,3 +288,15 @@ def test_the_bound_of_an_angle_far_off_is_uniform():
     density = log_density(single([-1.0, 0.0], [0.0, 0.0]), wide, BearingNoise(SIGMA), SIGMA**2)
     spread = np.hypot(1.0 / 30.0, SIGMA)
     assert density == pytest.approx(norm.logpdf(np.pi, 0.0, spread), abs=1e-6)
+
+
+def test_a_range_that_the_motion_does_not_tell_is_left_to_its_prior():
+    """From an observer at rest nothing tells the range, and hypotheses over decades have no mean worth saying."""
+    times = np.arange(0.0, 24.0, 0.2)
+    target = np.array([40.0, 5.0]) + np.outer(times, [0.2, 0.8])
+    tracker = fed(built(), times, target, np.zeros((len(times), 2)))
+    assert not tracker.range_observable
+    assert tracker.weights[1] > 0.01
+    ahead = times[-1] + np.array([0.0, 5.0])
+    for found, expected in zip(tracker.predict(ahead), tracker.motion.predict(ahead), strict=True):
+        np.testing.assert_allclose(found, expected)

@@ -207,11 +207,13 @@ class MixtureTracker:
         """Posterior mean ``(K, d)`` and covariance ``(K, d, d)`` at the times ``(K,)`` in seconds.
 
         By total expectation and covariance over the two models: ``μ = Σ w_i μ_i`` and
-        ``Σ = Σ w_i (Σ_i + (μ_i - μ)(μ_i - μ)ᵀ)``.
+        ``Σ = Σ w_i (Σ_i + (μ_i - μ)(μ_i - μ)ᵀ)``. While the motion's shape does not tell the range, it stands alone: the
+        velocity process then holds hypotheses of range over decades, whose mean is nowhere near any of them.
         """
         at = np.atleast_1d(np.asarray(times, dtype=float))
         both: tuple[Tracker, Tracker] = (self.motion, self.velocity)
-        parts = [(w, part) for w, part in zip(self.weights, both, strict=True) if w > NEGLIGIBLE]
+        weights = self.weights if self.motion.range_observable else np.array([1.0, 0.0])
+        parts = [(w, part) for w, part in zip(weights, both, strict=True) if w > NEGLIGIBLE]
         weights = np.array([w for w, _ in parts])
         weights = weights / weights.sum()
         forecasts = [part.predict(at) for _, part in parts]
