@@ -207,8 +207,8 @@ class MixtureTracker:
         """Posterior mean ``(K, d)`` and covariance ``(K, d, d)`` at the times ``(K,)`` in seconds.
 
         By total expectation and covariance over the two models: ``μ = Σ w_i μ_i`` and
-        ``Σ = Σ w_i (Σ_i + (μ_i - μ)(μ_i - μ)ᵀ)``. While the motion's shape does not tell the range, it stands alone: the
-        velocity process then holds hypotheses of range over decades, whose mean is nowhere near any of them.
+        ``Σ = Σ w_i (Σ_i + (μ_i - μ)(μ_i - μ)ᵀ)``. While the motion's shape does not tell the range, it stands alone:
+        the velocity process then holds hypotheses of range over decades, whose mean is nowhere near any of them.
         """
         at = np.atleast_1d(np.asarray(times, dtype=float))
         both: tuple[Tracker, Tracker] = (self.motion, self.velocity)
