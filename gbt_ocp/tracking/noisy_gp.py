@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gbt_ocp.bearings import unit_bearing
 from gbt_ocp.tracking.bearing_noise import BearingNoise
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
 from gbt_ocp.tracking.displacement_kernels import DISPLACEMENT_KERNELS
@@ -23,7 +24,7 @@ from gbt_ocp.tracking.posterior import Hyperparameters
 from gbt_ocp.tracking.protocol import Forecast, relative_range_std
 from gbt_ocp.tracking.range_hypotheses import Hypothesis, MotionPriors, range_hypotheses
 from gbt_ocp.tracking.relinearised import BearingRows, linearised
-from gbt_ocp.tracking.window import Window
+from gbt_ocp.tracking.window import Window, checked_sample
 
 Array = NDArray[np.float64]
 
@@ -52,6 +53,10 @@ GROSS = 16.0
 """Largest share of one innovation in that mean: no single outlier makes a lost track."""
 
 
+STRAY = 4.0
+"""Deviations from its bin's median beyond which a bearing is left out, where bearings are binned."""
+
+
 class NoisyGaussianProcessTracker:
     """Tracks a target by noisy bearings, ``P_T(t) = p_0 + D(t)`` with D a Gaussian process.
 
@@ -64,7 +69,8 @@ class NoisyGaussianProcessTracker:
     window
         Bearings kept; with ``bin_width`` the age in seconds of the oldest bin.
     bin_width
-        Width in seconds of the bins over which bearings are averaged; ``None`` takes each by itself.
+        Width in seconds of the bins over which bearings are averaged; ``None`` takes each by itself. A bearing further
+        from its bin's median than :data:`STRAY` deviations is left out.
     bins
         Bins that somebody else fills, instead of ``window`` and ``bin_width``; see :meth:`follow`.
     kernel
@@ -119,7 +125,7 @@ class NoisyGaussianProcessTracker:
         self.nugget_retries = 0
         self._noise = noise
         self._follows = bins is not None
-        self._bins = BearingBins(bin_width, window) if bin_width is not None else bins
+        self._bins = bins if bin_width is None else BearingBins(bin_width, window, STRAY * noise.std)
         self._window = Window(int(window) if bin_width is None else 2)
         self._kernel = DISPLACEMENT_KERNELS[kernel]
         self._priors = MotionPriors() if priors is None else priors
@@ -152,7 +158,10 @@ class NoisyGaussianProcessTracker:
         if self._bins is None:
             self._window.append(time, bearing, own_position)
         else:
-            self._bins.append(time, bearing, own_position)
+            b, own = checked_sample(time, bearing, own_position, self._bins.latest)
+            there = None if self._mixture is None else self._mixture.predict(np.array([float(time)])).mean[0]
+            ahead = None if there is None or np.array_equal(there, own) else unit_bearing(there, own)
+            self._bins.append(time, b, own, expected=ahead)
         self.follow(time, bearing, own_position)
 
     def follow(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
