@@ -159,9 +159,8 @@ class NoisyGaussianProcessTracker:
             self._window.append(time, bearing, own_position)
         else:
             b, own = checked_sample(time, bearing, own_position, self._bins.latest)
-            there = None if self._mixture is None else self._mixture.predict(np.array([float(time)])).mean[0]
-            ahead = None if there is None or np.array_equal(there, own) else unit_bearing(there, own)
-            self._bins.append(time, b, own, expected=ahead)
+            ahead, square = self._innovation(float(time), b, own)
+            self._bins.append(time, b, own, expected=ahead, suspect=square > STRAY**2)
         self.follow(time, bearing, own_position)
 
     def follow(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
@@ -204,16 +203,23 @@ class NoisyGaussianProcessTracker:
         """The reset test: a track whose recent bearings are not where it said is begun again from the latest ones."""
         if self._mixture is None:
             return
+        self._innovations.append(min(self._innovation(time, bearing, own)[1], GROSS))
+        if len(self._innovations) == RECENT and np.mean(self._innovations) > LOST:
+            self.restarts += 1
+            self._begin_again()
+
+    def _innovation(self, time: float, bearing: Array, own: Array) -> tuple[Array | None, float]:
+        """Where the target is expected ``(d,)``, and the bearing's mean squared standardised distance from there."""
+        if self._mixture is None:
+            return None, 0.0
         forecast = self._mixture.predict(np.array([time]))
         rows = linearised(BinnedBearings(np.array([time]), bearing[None], own[None], np.ones(1)), forecast.mean)
         across = rows.directions @ forecast.covariance[0] @ rows.directions.T / rows.ranges[0] ** 2
         variance = self._mixture.best[1].node.white_variance + self._noise.correlated_std**2
         across[np.diag_indices_from(across)] += variance + (self._noise.own_std / rows.ranges[0]) ** 2
         square = float(rows.residuals @ np.linalg.solve(across, rows.residuals)) / len(rows.residuals)
-        self._innovations.append(min(square, GROSS))
-        if len(self._innovations) == RECENT and np.mean(self._innovations) > LOST:
-            self.restarts += 1
-            self._begin_again()
+        there = forecast.mean[0]
+        return None if np.array_equal(there, own) else unit_bearing(there, own), square
 
     def _begin_again(self) -> None:
         """Forget all but the latest samples, and all hypotheses."""

@@ -92,7 +92,7 @@ class Report:
     def _aside(self, folder: Path) -> Iterator[None]:
         """Move an older report, or what is left of it, out of the way; it comes back if there is no new one."""
         names = {REPORT, *self.files, *(f"{name}.png" for name in self.figures)}
-        names |= {f"{name}.{kind}" for name in self.tables for kind in ("csv", "tex")}
+        names |= {f"{name}.{kind}" for name in self.tables for kind in ("csv", "md", "tex")}
         there = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
         if not there or not ((folder / REPORT).is_file() or there <= names):
             yield

@@ -30,9 +30,12 @@ def check_run(run: PlannedRun, plan: SweepPlan, folder: Path) -> None:
     own = folder / run.identifier
     row = row_of(run, folder)
     path = own / run_folder.CONFIGURATION
-    # A newer version may write out more defaults than the one that ran it: only the run must be the same.
+    # A newer version may write out more defaults in a section than the one that ran it: only the run must be the same.
     if path.read_bytes() != run.configuration.to_yaml().encode():
         _, found = run_folder.read_configuration(own)
+        absent = sorted(run.configuration.to_mapping().keys() - found.keys())
+        if absent:
+            raise ValueError(f"{path}: without {', '.join(absent)}")
         if found.get("seed") != run.seed:
             raise ValueError(f"{path}: seed: found {found.get('seed')!r}; allowed: {run.seed}")
     if row["status"] == "failed":
