@@ -20,6 +20,7 @@ with suppress(ImportError):
 LOADED = (bands, comparison_figures, tables)
 """Loaded here, so that not every forked process loads them."""
 
+KINDS = ("run", "sweep", "reproduce", "compare")
 QUICK = ["duration_s=0.5", "guidance.kind=random"]
 RUNS = 3
 

@@ -182,25 +182,26 @@ def test_an_objective_without_value_is_a_numerical_failure():
     assert solve(problem, np.zeros((2, 2)), [0.0, 0.0]).status == "numerical failure"
 
 
-def fossen(dimension, form, pieces=5, nodes=4, degree=2):
+def fossen(dimension, form, pieces=5, nodes=4, degree=2, continuity=None):
     vehicle = FossenVehicle(FALCON_2D if dimension == 2 else FALCON_3D, [5000.0] * dimension + [1500.0])
-    problem = TrajectoryProblem(vehicle, pieces, 0.1, degree=degree)
+    problem = TrajectoryProblem(vehicle, pieces, 0.1, degree=degree, continuity=continuity)
     problem = problem.maximize(BearingSimilarity(dimension)).maximize(RangePull(dimension))
     limit = ThrustLimit(vehicle, 0.98)
     return problem.subject_to(limit, nodes=nodes) if form == "hard" else problem.subject_to_penalty(limit, nodes=nodes)
 
 
-def instance(problem, seed):
-    """A random start and the parameters of the objectives."""
+def instance(problem, seed, rate=None):
+    """A random start at speed and the parameters of the objectives; the desired bearing turns at ``rate`` (rad/s)."""
     rng = np.random.default_rng(seed)
     d, p = problem.vehicle.position_dimension, problem.pieces
-    start = np.zeros((problem.degree, d + 1))
+    start = np.zeros((problem.joined, d + 1))
     start[0, :d] = rng.uniform(-5.0, 5.0, d)
     start[1] = rng.normal(size=d + 1) * ([1.0] * d + [0.5])
     mean = rng.normal(size=d) + np.arange(1, p + 1)[:, None] * 0.1 * rng.normal(size=d)
     root = 0.2 * rng.normal(size=(d, d))
     forecast = SimpleNamespace(mean=mean, covariance=np.tile(root @ root.T, (p, 1, 1)))
-    desired = DesiredBearing(d, 6.0 + 9.0 * (d == 3))(seed + 0.1 * np.arange(1, p + 1))
+    turn = 6.0 + 9.0 * (d == 3) if rate is None else rate
+    desired = DesiredBearing(d, turn)(seed + 0.1 * np.arange(1, p + 1))
     return start, Binding(problem).objective_parameters({"forecast": forecast, "desired": desired})
 
 

@@ -1,51 +1,35 @@
 """Pieces that join with fewer continuous derivatives than the paper's, and have more freedom for it."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 from scipy.optimize import minimize
+from test_compiled_solver import fossen
+from test_compiled_solver import instance as drawn
 
-from gbt_ocp.bearings import DesiredBearing
 from gbt_ocp.experiments.build import build_loop
 from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.ocp import BearingSimilarity, RangePull, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.codegen.building import find_compiler
 from gbt_ocp.ocp.codegen.verification import verify_folder
 from gbt_ocp.ocp.compiled import CompiledSolver
 from gbt_ocp.ocp.exchange import ExchangeIpoptSolver
 from gbt_ocp.ocp.ipopt import IpoptSolver
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.ocp.transcription import Binding, LimitCheck, input_scale
+from gbt_ocp.ocp.transcription import LimitCheck, input_scale
 from gbt_ocp.simulation import simulate
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
 
 PERIOD, PIECES = 0.1, 4
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
 
 def posed(dimension=2, degree=4, continuity=1, nodes=8, form="hard"):
-    vehicle = FossenVehicle(FALCON_2D if dimension == 2 else FALCON_3D, [5000.0] * dimension + [1500.0])
-    problem = TrajectoryProblem(vehicle, PIECES, PERIOD, degree, continuity)
-    problem = problem.maximize(BearingSimilarity(dimension)).maximize(RangePull(dimension))
-    limit = ThrustLimit(vehicle, 0.98)
-    return problem.subject_to(limit, nodes=nodes) if form == "hard" else problem.subject_to_penalty(limit, nodes=nodes)
+    return fossen(dimension, form, PIECES, nodes, degree, continuity)
 
 
 def instance(problem, seed):
-    """A random start at speed and the parameters of the objectives."""
-    rng = np.random.default_rng(seed)
-    d, p = problem.vehicle.position_dimension, problem.pieces
-    start = np.zeros((problem.joined, d + 1))
-    start[0, :d] = rng.uniform(-5.0, 5.0, d)
-    start[1] = rng.normal(size=d + 1) * ([1.0] * d + [0.5])
-    mean = rng.normal(size=d) + np.arange(1, p + 1)[:, None] * 0.1 * rng.normal(size=d)
-    root = 0.2 * rng.normal(size=(d, d))
-    forecast = SimpleNamespace(mean=mean, covariance=np.tile(root @ root.T, (p, 1, 1)))
-    desired = DesiredBearing(d, 2.0 * np.pi)(seed + 0.1 * np.arange(1, p + 1))
-    return start, Binding(problem).objective_parameters({"forecast": forecast, "desired": desired})
+    return drawn(problem, seed, 2.0 * np.pi)
 
 
 def solved(kind, problem, seed, guess=None):

@@ -10,15 +10,13 @@ import numpy as np
 import pytest
 from damage import files
 from processes import forked, started
-from small_folders import begin, finished, go_on, little_to_do, result
+from small_folders import KINDS, begin, finished, go_on, little_to_do, result
 
 from gbt_ocp.experiments.comparison.tables import read_rows
 from gbt_ocp.experiments.history import History
 from gbt_ocp.experiments.run_folder import PARTIAL
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends signals")
-
-KINDS = ("run", "sweep", "reproduce", "compare")
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -5,7 +5,7 @@ import os
 import pytest
 from damage import files
 from processes import forked
-from small_folders import begin, go_on, little_to_do, result
+from small_folders import KINDS, begin, go_on, little_to_do, result
 from test_run_folder import result as made_up
 
 from gbt_ocp import cli
@@ -16,8 +16,6 @@ from gbt_ocp.experiments.sweep import execution
 from gbt_ocp.experiments.sweep.plan import plan_sweep
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="forks processes")
-
-KINDS = ("run", "sweep", "reproduce", "compare")
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -38,6 +38,7 @@ from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.guidance.startup import CrossFirst
 from gbt_ocp.ocp import Planner, RangePull, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.problem import joined_derivatives
 from gbt_ocp.sensors import BearingSensor
 from gbt_ocp.simulation import ClosedLoop
 from gbt_ocp.targets import Target, case_target
@@ -228,7 +229,7 @@ def build_guidance(
 
 
 def build_start(configuration: Configuration, vehicle: Vehicle, rng: np.random.Generator, target: Array) -> Array:
-    """Derivatives 0 … L-1 of the flat output at the start ``(L, n)``: at rest, at a given place.
+    """The continuous derivatives of the flat output at the start ``(k+1, n)``: at rest, at a given place.
 
     Or somewhere in the box, or at a given distance from where the target starts, ``target`` ``(d,)``; in space within
     30° of its level.
@@ -241,7 +242,7 @@ def build_start(configuration: Configuration, vehicle: Vehicle, rng: np.random.G
         away = [level * math.cos(azimuth), level * math.sin(azimuth), elevation]
         place = target + section.range_m * np.array(away[:d])
     plan = configuration.planner
-    flat = np.zeros((plan.degree if plan.continuity is None else plan.continuity + 1, vehicle.flat_dimension))
+    flat = np.zeros((joined_derivatives(plan.degree, plan.continuity), vehicle.flat_dimension))
     flat[0, :d] = place if section.position_m is None else section.position_m
     if vehicle.flat_dimension > configuration.dimension:
         flat[0, configuration.dimension] = math.radians(section.yaw_deg)

@@ -64,7 +64,7 @@ _SHARED_BY_PROCESSES = ("centre", "length_scale", "nugget", "bound_delta")
 
 # What is known of sensor and target is the same to the motion's shape alone and in the mixture.
 _SHAPES = ("motion_gp", "mixture")
-_SHARED_BY_SHAPES = tuple(ShapeTracker.model_fields)
+_SHARED_BY_SHAPES = tuple(name for name in ShapeTracker.model_fields if name != "kind")
 
 
 @dataclass(frozen=True)
@@ -286,7 +286,7 @@ def _overlay(base: Mapping[str, Any], above: Mapping[str, Any], path: tuple[str,
         if path == ("tracker",) and above["kind"] in _PROCESSES and base["kind"] in _PROCESSES:
             shared = (*shared, *_SHARED_BY_PROCESSES)
         if path == ("tracker",) and above["kind"] in _SHAPES and base["kind"] in _SHAPES:
-            shared = tuple(name for name in _SHARED_BY_SHAPES if name != "kind")
+            shared = _SHARED_BY_SHAPES
         merged = {key: base[key] for key in shared if key in base}
     alternatives = _ALTERNATIVES.get(path, ())
     if any(above.get(key) is not None for key in alternatives):

@@ -41,6 +41,11 @@ class PenaltyLimit:
     width: float
 
 
+def joined_derivatives(degree: int, continuity: int | None) -> int:
+    """How many derivatives, the flat output itself included, pieces of a degree share; all but the last by default."""
+    return degree if continuity is None else continuity + 1
+
+
 @dataclass(frozen=True)
 class TrajectoryProblem:
     """Maximise a sum over the endpoints of a flat trajectory, under path constraints (``eq33``, ``eq36``).
@@ -87,7 +92,7 @@ class TrajectoryProblem:
     @property
     def joined(self) -> int:
         """How many derivatives of the flat output, itself included, a piece takes over from the one before it."""
-        return self.degree if self.continuity is None else self.continuity + 1
+        return joined_derivatives(self.degree, self.continuity)
 
     @property
     def freedoms(self) -> int:

@@ -33,7 +33,7 @@ from gbt_ocp.tracking.bins import BinnedBearings
 from gbt_ocp.tracking.likelihood import LogNormal
 from gbt_ocp.tracking.motion_gp import MotionShapeTracker
 from gbt_ocp.tracking.noisy_gp import NoisyGaussianProcessTracker
-from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, Tracker, relative_range_std
+from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, Tracker, mixed, relative_range_std
 from gbt_ocp.tracking.relinearised import linearised, row_covariance
 from gbt_ocp.tracking.shape_processes import LogNormalPrior
 from gbt_ocp.tracking.window import checked_sample
@@ -206,20 +206,12 @@ class MixtureTracker:
     def predict(self, times: ArrayLike) -> Forecast:
         """Posterior mean ``(K, d)`` and covariance ``(K, d, d)`` at the times ``(K,)`` in seconds.
 
-        By total expectation and covariance over the two models: ``μ = Σ w_i μ_i`` and
-        ``Σ = Σ w_i (Σ_i + (μ_i - μ)(μ_i - μ)ᵀ)``. While the motion's shape does not tell the range, it stands alone:
-        the velocity process then holds hypotheses of range over decades, whose mean is nowhere near any of them.
+        While the motion's shape does not tell the range, it stands alone: the velocity process then holds hypotheses
+        of range over decades, whose mean is nowhere near any of them.
         """
         at = np.atleast_1d(np.asarray(times, dtype=float))
         both: tuple[Tracker, Tracker] = (self.motion, self.velocity)
         weights = self.weights if self.motion.range_observable else np.array([1.0, 0.0])
         parts = [(w, part) for w, part in zip(weights, both, strict=True) if w > NEGLIGIBLE]
         weights = np.array([w for w, _ in parts])
-        weights = weights / weights.sum()
-        forecasts = [part.predict(at) for _, part in parts]
-        means = np.array([forecast.mean for forecast in forecasts])
-        mean = np.tensordot(weights, means, axes=1)
-        apart = means - mean
-        covariance = np.tensordot(weights, np.array([forecast.covariance for forecast in forecasts]), axes=1)
-        covariance += np.einsum("b,bki,bkj->kij", weights, apart, apart)
-        return Forecast(mean, covariance)
+        return mixed(weights / weights.sum(), [part.predict(at) for _, part in parts])

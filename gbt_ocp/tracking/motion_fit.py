@@ -19,7 +19,7 @@ from gbt_ocp.tracking.bins import BinnedBearings
 from gbt_ocp.tracking.displacement_kernels import DisplacementKernel
 from gbt_ocp.tracking.likelihood import LogNormal
 from gbt_ocp.tracking.posterior import NotPositiveDefiniteError, cholesky
-from gbt_ocp.tracking.protocol import Forecast
+from gbt_ocp.tracking.protocol import Forecast, mixed
 from gbt_ocp.tracking.relinearised import BearingRows, linearised, row_covariance
 
 Array = NDArray[np.float64]
@@ -293,10 +293,4 @@ class Mixture:
     def predict(self, times: Array) -> Forecast:
         """Mean ``(K, d)`` and covariance ``(K, d, d)`` of the mixture at the times ``(K,)`` in seconds."""
         weights = np.array([weight for _, _, weight in self.parts])
-        forecasts = [fit.predict(solution, times) for fit, solution, _ in self.parts]
-        means = np.array([forecast.mean for forecast in forecasts])
-        mean = np.tensordot(weights, means, axes=1)
-        apart = means - mean
-        covariance = np.tensordot(weights, np.array([forecast.covariance for forecast in forecasts]), axes=1)
-        covariance += np.einsum("b,bki,bkj->kij", weights, apart, apart)
-        return Forecast(mean, covariance)
+        return mixed(weights, [fit.predict(solution, times) for fit, solution, _ in self.parts])

@@ -157,15 +157,21 @@ class NoisyGaussianProcessTracker:
         """
         if self._bins is None:
             self._window.append(time, bearing, own_position)
-        else:
-            b, own = checked_sample(time, bearing, own_position, self._bins.latest)
-            ahead, square = self._innovation(float(time), b, own)
-            self._bins.append(time, b, own, expected=ahead, suspect=square > STRAY**2)
-        self.follow(time, bearing, own_position)
+            self.follow(time, bearing, own_position)
+            return
+        b, own = checked_sample(time, bearing, own_position, self._bins.latest)
+        ahead, square = self._innovation(float(time), b, own)
+        self._bins.append(time, b, own, expected=ahead, suspect=square > STRAY**2)
+        self._condition(square)
 
     def follow(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """Condition on the window, in which the sample is the latest already: as :meth:`update`, but adding nothing."""
-        self._test(float(time), np.asarray(bearing, dtype=float), np.asarray(own_position, dtype=float))
+        b, own = np.asarray(bearing, dtype=float), np.asarray(own_position, dtype=float)
+        self._condition(self._innovation(float(time), b, own)[1])
+
+    def _condition(self, square: float) -> None:
+        """Condition on the window, whose latest bearing was so far from where it was expected."""
+        self._test(square)
         samples = self._samples()
         if not self._observable:
             self._anchor(samples)
@@ -199,11 +205,11 @@ class NoisyGaussianProcessTracker:
             [(variance * float(np.exp(2.0 * f)), -0.5 * float(f) ** 2) for f in factors],
         )
 
-    def _test(self, time: float, bearing: Array, own: Array) -> None:
+    def _test(self, square: float) -> None:
         """The reset test: a track whose recent bearings are not where it said is begun again from the latest ones."""
         if self._mixture is None:
             return
-        self._innovations.append(min(self._innovation(time, bearing, own)[1], GROSS))
+        self._innovations.append(min(square, GROSS))
         if len(self._innovations) == RECENT and np.mean(self._innovations) > LOST:
             self.restarts += 1
             self._begin_again()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -23,6 +24,19 @@ class Forecast(NamedTuple):
 
     mean: Array
     covariance: Array
+
+
+def mixed(weights: Array, forecasts: Sequence[Forecast]) -> Forecast:
+    """Mean and covariance of a mixture of B forecasts with the weights ``(B,)``, which sum to one.
+
+    By total expectation and covariance: ``μ = Σ w_i μ_i``, ``Σ = Σ w_i (Σ_i + (μ_i - μ)(μ_i - μ)ᵀ)``.
+    """
+    means = np.array([forecast.mean for forecast in forecasts])
+    mean = np.tensordot(weights, means, axes=1)
+    apart = means - mean
+    covariance = np.tensordot(weights, np.array([forecast.covariance for forecast in forecasts]), axes=1)
+    covariance += np.einsum("b,bki,bkj->kij", weights, apart, apart)
+    return Forecast(mean, covariance)
 
 
 class JointForecast(NamedTuple):
