@@ -25,8 +25,8 @@ import numpy as np
 from solver import measure, times_of, warmed
 from solver_instances import closed_loop_instances
 
-from gbt_ocp import cli
-from gbt_ocp.ocp.compiled import CompiledSolver
+from gbt_ocp.cli import main as cli
+from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 
 FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fno-math-errno", "-ffp-contract=off")
 

@@ -19,11 +19,11 @@ import numpy as np
 from solver import measure, times_of, warmed
 from solver_instances import fossen_problem, pursuit_instances
 
-from gbt_ocp.bearings import DesiredBearing
-from gbt_ocp.ocp.compiled import CompiledSolver
+from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.targets import case_target
+from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 from gbt_ocp.reporting import style
-from gbt_ocp.targets import case_target
-from gbt_ocp.tracking.gp import GaussianProcessTracker
+from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 
 PIECES = (5, 10, 20, 40, 80)
 NODES = (4, 8, 20, 40, 80)

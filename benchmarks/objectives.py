@@ -15,7 +15,7 @@ import tempfile
 import numpy as np
 
 import gbt_ocp as gbt
-from gbt_ocp.ocp.information import CRITERIA
+from gbt_ocp.guidance.information import CRITERIA
 
 OBJECTIVES = ["similarity", *(name if name == "condition_number" else f"fisher_{name}" for name in CRITERIA)]
 OBJECTIVES.append("posterior_variance")

@@ -28,16 +28,16 @@ from peers import NAMES, Answer, Statement, make
 from peers.judge import Judge
 from solver_instances import Instance, closed_loop_instances
 
-from gbt_ocp.experiments.build import build_loop
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.build.loop import build_loop
+from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.ocp import TrajectoryProblem
-from gbt_ocp.ocp.compiled import CompiledSolver
-from gbt_ocp.ocp.ipopt import IpoptSolver
-from gbt_ocp.ocp.problem import HardLimit
+from gbt_ocp.ocp.problem_data import HardLimit
 from gbt_ocp.ocp.shooting import ShootingPlanner
-from gbt_ocp.ocp.solvers import Solution, Solver
+from gbt_ocp.ocp.solvers.base import Solution, Solver
+from gbt_ocp.ocp.solvers.compiled import CompiledSolver
+from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
 from gbt_ocp.ocp.transcription import input_scale
-from gbt_ocp.simulation import simulate
+from gbt_ocp.simulation.loop import simulate
 
 warnings.filterwarnings("ignore", module=r"do_mpc|casadi")  # optional parts that are not installed
 

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse
 from scipy.stats import chi2
 
-from gbt_ocp.experiments.history import History
 from gbt_ocp.experiments.result import Result
 from gbt_ocp.reporting import style
+from gbt_ocp.simulation.history import History
 
 EVERY_S = 20.0
 """Time between two ellipses in seconds."""

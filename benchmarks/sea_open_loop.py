@@ -27,10 +27,10 @@ import numpy as np
 from scipy.stats import chi2
 from sea_closed_loop import RIVALS
 
-from gbt_ocp.experiments.build import Streams, build_sensor, build_target
-from gbt_ocp.experiments.build_trackers import build_tracker
-from gbt_ocp.experiments.configuration import Configuration
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.build.loop import Streams, build_sensor, build_target
+from gbt_ocp.experiments.build.trackers import build_tracker
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.experiments.config.schema import Configuration
 
 RANGE, TURN = 30.0, 0.1
 SETTLED, EVERY, AHEAD = 60.0, 4.0, 10.0

@@ -25,11 +25,12 @@ import numpy as np
 from scipy.stats import bootstrap
 from shooting_forms import FORMS, Form, Reach, falcon, make
 
-from gbt_ocp.bearings import DesiredBearing
-from gbt_ocp.experiments.build import build_loop
-from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.ocp import BearingSimilarity, Objective, RangePull
-from gbt_ocp.vehicles import FossenVehicle
+from gbt_ocp.experiments.build.loop import build_loop
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
+from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.vehicles import FossenVehicle
+from gbt_ocp.ocp import Objective
 
 PERIOD = 0.1
 

@@ -9,10 +9,12 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, Vehicle
 from gbt_ocp.ocp import FlatPoint, FlatTrajectory, Objective, Planner, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.check import FINE_POINTS, LimitCheck
 from gbt_ocp.ocp.shooting import ShootingPlanner
-from gbt_ocp.ocp.transcription import FINE_POINTS, Binding, LimitCheck, input_scale, point_symbols
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, Vehicle
+from gbt_ocp.ocp.transcription import input_scale, point_symbols
 
 
 class HeldEarthAcceleration(ShootingPlanner):

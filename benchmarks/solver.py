@@ -30,10 +30,11 @@ from solver_instances import (
 from solver_optimality import Optimality
 
 from gbt_ocp.ocp import TrajectoryProblem
-from gbt_ocp.ocp.compiled import CompiledSolver
-from gbt_ocp.ocp.ipopt import IpoptSolver
-from gbt_ocp.ocp.solvers import Solver
-from gbt_ocp.ocp.transcription import Binding, transcribe
+from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.solvers.base import Solver
+from gbt_ocp.ocp.solvers.compiled import CompiledSolver
+from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
+from gbt_ocp.ocp.transcription import transcribe
 
 HORIZONS = (5, 10, 20, 40, 80)
 

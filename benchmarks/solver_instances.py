@@ -9,16 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from gbt_ocp.bearings import DesiredBearing
-from gbt_ocp.experiments.build import build_loop
-from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.ocp import BearingSimilarity, Planner, RangePull, ThrustLimit, TrajectoryProblem
-from gbt_ocp.ocp.compiled import CompiledSolver
-from gbt_ocp.ocp.solvers import Solution
-from gbt_ocp.ocp.transcription import Binding
-from gbt_ocp.simulation import simulate
-from gbt_ocp.targets import case_target
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.experiments.build.loop import build_loop
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
+from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.targets import case_target
+from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.ocp import Planner, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.solvers.base import Solution
+from gbt_ocp.ocp.solvers.compiled import CompiledSolver
+from gbt_ocp.simulation.loop import simulate
 
 
 @dataclass(frozen=True)

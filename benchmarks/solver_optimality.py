@@ -9,7 +9,8 @@ from scipy.optimize import linprog
 from solver_instances import Instance
 
 from gbt_ocp.ocp import TrajectoryProblem
-from gbt_ocp.ocp.transcription import Binding, transcribe
+from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.transcription import transcribe
 
 BRACKETS = (1e-4, 1e-3)
 """Residuals up to which the bounds of the multipliers are interpolated; the first that suffices is taken."""

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
-from gbt_ocp.bearings import cumulative_bearing_matrix, tangent_basis
-from gbt_ocp.tracking.bounds import bearing_bound, coregionalized_bound, weighted_bearing_bound
+from gbt_ocp.models.bearings import cumulative_bearing_matrix, tangent_basis
+from gbt_ocp.tracking.gp.bounds import bearing_bound, coregionalized_bound, weighted_bearing_bound
 
 Array = NDArray[np.float64]
 

@@ -21,15 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from gbt_ocp.bearings import DesiredBearing, cumulative_bearing_matrix, tangent_basis, unit_bearing
-from gbt_ocp.tracking.bounds import (
+from gbt_ocp.models.bearings import DesiredBearing, cumulative_bearing_matrix, tangent_basis, unit_bearing
+from gbt_ocp.tracking.gp.bounds import (
     bearing_bound,
     confidence_radius,
     coregionalized_bound,
     posterior_bound,
     weighted_bearing_bound,
 )
-from gbt_ocp.tracking.gp import GaussianProcessTracker
+from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 
 Array = NDArray[np.float64]
 

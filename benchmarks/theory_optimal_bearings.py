@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from gbt_ocp.bearings import DesiredBearing, condition_number, cumulative_bearing_matrix
-from gbt_ocp.tracking.kernels import KERNELS
-from gbt_ocp.tracking.posterior import Hyperparameters, condition
+from gbt_ocp.models.bearings import DesiredBearing, condition_number, cumulative_bearing_matrix
+from gbt_ocp.tracking.gp.kernels import KERNELS
+from gbt_ocp.tracking.gp.posterior import Hyperparameters, condition
 from gbt_ocp.tracking.window import Window
 
 Array = NDArray[np.float64]

@@ -40,10 +40,10 @@ from stonesoup.types.hypothesis import SingleHypothesis
 from stonesoup.types.prediction import GaussianStatePrediction
 from stonesoup.updater.kalman import ExtendedKalmanUpdater
 
-from gbt_ocp.bearings import rotate_bearing, tangent_basis, unit_bearing
-from gbt_ocp.tracking.bearing_noise import BearingNoise
-from gbt_ocp.tracking.gp import GaussianProcessTracker
-from gbt_ocp.tracking.noisy_gp import NoisyGaussianProcessTracker
+from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
+from gbt_ocp.tracking.displacement.tracker import NoisyGaussianProcessTracker
+from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
+from gbt_ocp.tracking.noise import BearingNoise
 
 PERIOD, AHEAD, NUGGET = 0.1, 12, 1.0e-8
 

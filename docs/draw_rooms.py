@@ -19,24 +19,19 @@ ACROSS, DOWN = 168, 84
 MARGIN = 24
 
 PLACES = {
-    "program": (1.5, 0),
-    "cli": (1.5, 1),
-    "arguments": (1, 2),
-    "reporting": (2, 2),
-    "experiments": (1.5, 3),
-    "simulation": (1.5, 4),
-    "guidance": (0.5, 5),
-    "sensors": (2, 5),
-    "targets": (3, 5),
-    "ocp": (0, 6),
-    "tracking": (1, 6),
-    "vehicles": (0, 7),
-    "bearings": (1.5, 7),
+    "cli": (1, 0),
+    "studies": (1, 1),
+    "experiments": (1, 2),
+    "reporting": (1, 3),
+    "simulation": (1, 4),
+    "guidance": (1, 5),
+    "ocp": (0.5, 6),
+    "tracking": (1.5, 6),
+    "models": (1, 7),
+    "files": (0.5, 8),
+    "typing": (1.5, 8),
 }
 """Column and row of each room; who imports stands above. The arrows come from the code."""
-
-ON_REQUEST = {("experiments", "reporting")}
-"""Results and studies are drawn when somebody asks; only the tables, which need no matplotlib, are read before."""
 
 
 def room(path: Path) -> str:
@@ -70,8 +65,7 @@ def imports() -> tuple[set[str], set[tuple[str, str]], set[tuple[str, str]]]:
         for other, lazy in imported(path):
             if other != own:
                 (lazily if lazy else always).add((own, other))
-    always -= ON_REQUEST
-    return rooms, always, (lazily | ON_REQUEST) - always
+    return rooms, always, lazily - always
 
 
 def without_shortcuts(edges: set[tuple[str, str]]) -> set[tuple[str, str]]:

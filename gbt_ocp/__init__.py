@@ -16,30 +16,32 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     __version__: str
-    from gbt_ocp.experiments.comparison.compare import Comparison, compare
-    from gbt_ocp.experiments.configuration import Configuration
-    from gbt_ocp.experiments.faults import ConfigurationError
-    from gbt_ocp.experiments.history import History
-    from gbt_ocp.experiments.loading import load_config
-    from gbt_ocp.experiments.problem import TrackingProblem
+    from gbt_ocp.experiments.config.faults import ConfigurationError
+    from gbt_ocp.experiments.config.loading import load_config
+    from gbt_ocp.experiments.config.schema import Configuration
+    from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
+    from gbt_ocp.experiments.replay import replay
     from gbt_ocp.experiments.result import Result
     from gbt_ocp.experiments.run import run
-    from gbt_ocp.experiments.studies.reproducing import reproduce
-    from gbt_ocp.experiments.sweep.sweeping import Sweep, sweep
+    from gbt_ocp.experiments.sweep.carry_out import Sweep, sweep
+    from gbt_ocp.simulation.history import History
+    from gbt_ocp.studies.limits.compare import Comparison, compare
+    from gbt_ocp.studies.paper.reproduce import reproduce
 
 _HOMES = {
-    "Comparison": "comparison.compare",
-    "Configuration": "configuration",
-    "ConfigurationError": "faults",
-    "History": "history",
-    "Result": "result",
-    "Sweep": "sweep.sweeping",
-    "TrackingProblem": "problem",
-    "compare": "comparison.compare",
-    "load_config": "loading",
-    "reproduce": "studies.reproducing",
-    "run": "run",
-    "sweep": "sweep.sweeping",
+    "Comparison": "studies.limits.compare",
+    "Configuration": "experiments.config.schema",
+    "ConfigurationError": "experiments.config.faults",
+    "History": "simulation.history",
+    "Result": "experiments.result",
+    "Sweep": "experiments.sweep.carry_out",
+    "TrackingProblem": "experiments.config.tracking_problem",
+    "compare": "studies.limits.compare",
+    "load_config": "experiments.config.loading",
+    "replay": "experiments.replay",
+    "reproduce": "studies.paper.reproduce",
+    "run": "experiments.run",
+    "sweep": "experiments.sweep.carry_out",
 }
 
 __all__ = [
@@ -52,6 +54,7 @@ __all__ = [
     "TrackingProblem",
     "compare",
     "load_config",
+    "replay",
     "reproduce",
     "run",
     "sweep",
@@ -63,7 +66,7 @@ def __getattr__(name: str) -> Any:
     if name in _HOMES:
         from importlib import import_module
 
-        return getattr(import_module(f"gbt_ocp.experiments.{_HOMES[name]}"), name)
+        return getattr(import_module(f"gbt_ocp.{_HOMES[name]}"), name)
     if name == "__version__":
         from importlib.metadata import PackageNotFoundError, version
 

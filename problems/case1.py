@@ -3,7 +3,7 @@
 The target moves with constant velocity: ``x = y = -1 + t``.
 """
 
-from gbt_ocp.experiments.problem import TrackingProblem
+from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 
 problem = TrackingProblem(
     name="case1",

@@ -4,7 +4,7 @@ The target moves on a circle of radius 4 m from (4, 0) with turn rate ``ψ̇ = 0
 ``x = 4 cos ψ``, ``y = 4 sin ψ``. ``turn_rate_step`` adds abrupt manoeuvres (section 5.6, scenario 5).
 """
 
-from gbt_ocp.experiments.problem import TrackingProblem
+from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 
 problem = TrackingProblem(
     name="case3",

@@ -3,7 +3,7 @@
 The target moves as in case 1 and rises at 0.1 m/s: ``z = 0.1 t``.
 """
 
-from gbt_ocp.experiments.problem import TrackingProblem
+from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 
 problem = TrackingProblem(
     name="case4",

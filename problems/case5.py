@@ -3,7 +3,7 @@
 The target moves as in case 2 and up and down with ``z = 3 sin(πt/8)``.
 """
 
-from gbt_ocp.experiments.problem import TrackingProblem
+from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 
 problem = TrackingProblem(
     name="case5",

@@ -3,7 +3,7 @@
 The target moves as in case 3 and up and down with ``z = 5 sin²(0.2 t)``; ``turn_rate_step`` adds abrupt manoeuvres.
 """
 
-from gbt_ocp.experiments.problem import TrackingProblem
+from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 
 problem = TrackingProblem(
     name="case6",

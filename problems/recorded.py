@@ -4,7 +4,7 @@ The example track lies beside this file; ``target.path`` in a configuration name
 ``target.length_scale`` and ``target.time_scale`` bring it to the vehicle's size and speed.
 """
 
-from gbt_ocp.experiments.problem import TrackingProblem
+from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 
 problem = TrackingProblem(
     name="recorded",

@@ -6,7 +6,7 @@ with a probability of 99.99 % of its own belief, and 1.5 m more for what its bel
 about 37 m; it starts where the range is not known.
 """
 
-from gbt_ocp.experiments.problem import TrackingProblem
+from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 
 problem = TrackingProblem(
     name="sea2d",

@@ -4,8 +4,8 @@ As ``sea2d``, whose settings it takes, with a target that rises and sinks at 60 
 keeps between surface and seabed.
 """
 
-from gbt_ocp.experiments.catalogue import load_problem
-from gbt_ocp.experiments.problem import TrackingProblem
+from gbt_ocp.experiments.config.catalogue import load_problem
+from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 
 plane = load_problem("sea2d").defaults
 

@@ -106,7 +106,7 @@ def jobs() -> list[Job]:
 
 def machine() -> dict[str, str]:
     """What the times hold for."""
-    from gbt_ocp.experiments.summary import installed_versions
+    from gbt_ocp.simulation.summary import installed_versions
 
     commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)
     model = ""

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from gbt_ocp.experiments.build import build_loop
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.build.loop import build_loop
+from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.ocp import Planner
-from gbt_ocp.ocp.solvers import Solution
-from gbt_ocp.simulation import simulate
+from gbt_ocp.ocp.solvers.base import Solution
+from gbt_ocp.simulation.loop import simulate
 from gbt_ocp.tracking.protocol import Forecast
 
 

@@ -8,9 +8,9 @@ import string
 import yaml
 from hypothesis import strategies as st
 
-from gbt_ocp.experiments import catalogue
-from gbt_ocp.experiments.faults import kinds, union_of
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.config import catalogue
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.experiments.config.validation import kinds, union_of
 
 VARIANTS = [
     [],

@@ -8,9 +8,9 @@ import time
 import traceback
 from pathlib import Path
 
-from gbt_ocp import program
+from gbt_ocp.cli import program
 
-PROGRAM = [sys.executable, "-c", "from gbt_ocp.program import main; raise SystemExit(main())"]
+PROGRAM = [sys.executable, "-c", "from gbt_ocp.cli.program import main; raise SystemExit(main())"]
 """What the installed ``gbt-ocp`` does."""
 
 

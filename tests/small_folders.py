@@ -8,11 +8,12 @@ import pytest
 from damage import files
 from test_comparison import comparable
 
-from gbt_ocp.experiments.comparison import sensitivity
-from gbt_ocp.experiments.history import WALL_CLOCK, History
-from gbt_ocp.experiments.studies import fig5
 from gbt_ocp.experiments.sweep.table import WALL_CLOCK_COLUMNS
-from gbt_ocp.reporting import bands, comparison_figures, tables
+from gbt_ocp.reporting import bands, tables
+from gbt_ocp.simulation.history import WALL_CLOCK, History
+from gbt_ocp.studies.limits import figures as comparison_figures
+from gbt_ocp.studies.limits import sensitivity
+from gbt_ocp.studies.paper import fig5
 
 with suppress(ImportError):
     import pyarrow.parquet  # noqa: F401
@@ -31,7 +32,7 @@ def little_to_do():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sensitivity, "GAMMAS", (0.9,))
         patch.setattr(sensitivity, "NODES", (1,))
-        patch.setattr("gbt_ocp.experiments.comparison.open_loop.STARTS", 2)
+        patch.setattr("gbt_ocp.studies.limits.solves.STARTS", 2)
         patch.setattr(fig5, "CASES", ("case2",))
         patch.setattr(fig5, "PRESETS", ("default",))
         patch.setattr(fig5, "MODES", {"static": "static", "random": "random"})

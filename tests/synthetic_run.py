@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gbt_ocp.experiments.history import History
-from gbt_ocp.experiments.summary import installed_versions, summarise
+from gbt_ocp.simulation.history import History
+from gbt_ocp.simulation.summary import installed_versions, summarise
 
 PERIOD = 0.1
 CONFIGURATION = """\

@@ -7,8 +7,9 @@ import subprocess
 
 import pytest
 
-from gbt_ocp import arguments, cli
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.cli import arguments
+from gbt_ocp.cli import main as cli
+from gbt_ocp.experiments.config.loading import load_config
 
 NAMES = list(arguments.EXAMPLES)
 

@@ -7,15 +7,16 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import cumulative_bearing_matrix
-from gbt_ocp.experiments.build import build_problem, build_vehicle
-from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.ocp import BearingSimilarity, FlatPoint, RangePull, ThrustLimit, TrajectoryProblem
-from gbt_ocp.ocp.codegen.building import find_compiler
-from gbt_ocp.ocp.codegen.folder import write_folder
-from gbt_ocp.ocp.codegen.verification import verify_folder
-from gbt_ocp.ocp.objectives import sigma_points, sigma_weights
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull, sigma_points, sigma_weights
+from gbt_ocp.models.bearings import cumulative_bearing_matrix
+from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.ocp import FlatPoint, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.codegen.library import find_compiler
+from gbt_ocp.ocp.export.folder import write_c
+from gbt_ocp.ocp.export.verification import verify_folder
+from gbt_ocp.ocp.planner import Planner
 
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
@@ -79,7 +80,9 @@ def test_gradient_against_central_differences(reach):
 @needs_compiler
 @pytest.mark.skipif(shutil.which("make") is None, reason="no make")
 def test_the_generated_step_from_the_moments_agrees_with_python(tmp_path):
-    found = verify_folder(write_folder(problem(3, "penalty"), {}, tmp_path / "planner"), flags="-O2 -Werror")
+    found = verify_folder(
+        write_c(Planner(problem(3, "penalty"), "compiled"), tmp_path / "planner"), flags="-O2 -Werror"
+    )
     assert found.faults == ()
     assert found.difference < 1e-12
 

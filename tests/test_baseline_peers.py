@@ -10,9 +10,9 @@ import datetime
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import rotate_bearing, unit_bearing
-from gbt_ocp.tracking.plkf import PseudoLinearKalmanFilter
-from gbt_ocp.tracking.prior import PositionPrior
+from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
+from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
+from gbt_ocp.tracking.priors import PositionPrior
 
 PERIOD, STEPS, NOISE, DENSITY = 0.1, 400, np.radians(1.0), 1e-4
 START, VELOCITY = np.array([-2.0, 10.0]), np.array([0.2, -0.1])

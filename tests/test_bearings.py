@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gbt_ocp.bearings import (
+from gbt_ocp.models.bearings import (
     DesiredBearing,
     condition_number,
     cumulative_bearing_matrix,

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import rotate_bearing, unit_bearing
-from gbt_ocp.tracking.bearing_noise import BearingNoise
+from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
 from gbt_ocp.tracking.bins import BearingBins
+from gbt_ocp.tracking.noise import BearingNoise
 
 
 def filled(times, bearings, own, width=1.5, window=30.0):

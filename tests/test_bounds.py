@@ -2,15 +2,15 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from gbt_ocp.bearings import cumulative_bearing_matrix, tangent_basis
-from gbt_ocp.tracking.bounds import (
+from gbt_ocp.models.bearings import cumulative_bearing_matrix, tangent_basis
+from gbt_ocp.tracking.gp.bounds import (
     bearing_bound,
     confidence_radius,
     coregionalized_bound,
     posterior_bound,
     weighted_bearing_bound,
 )
-from gbt_ocp.tracking.gp import GaussianProcessTracker
+from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 
 
 def unit(vectors):

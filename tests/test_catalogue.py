@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gbt_ocp.experiments import catalogue
-from gbt_ocp.experiments.catalogue import ProblemError, load_problem
-from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.experiments.problem import TrackingProblem
-from gbt_ocp.targets import case_target
+from gbt_ocp.experiments.config import catalogue
+from gbt_ocp.experiments.config.catalogue import ProblemError, load_problem
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
+from gbt_ocp.models.targets import case_target
 
 ROOT = Path(__file__).resolve().parents[1]
 GOOD = """
 from __future__ import annotations
 from dataclasses import dataclass
-from gbt_ocp.experiments.problem import TrackingProblem
+from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 
 @dataclass
 class Thing:
@@ -98,7 +98,7 @@ def test_names_are_found_from_an_installation_outside_the_checkout(tmp_path):
     for source, place in build["force-include"].items():
         shutil.copytree(ROOT / source, site / place, ignore=skip)
     code = (
-        "from gbt_ocp.experiments import catalogue, loading; c = loading.load_config('case5');"
+        "from gbt_ocp.experiments.config import catalogue, loading; c = loading.load_config('case5');"
         "print(catalogue.problem_path(c.problem), c.dimension)"
     )
     done = subprocess.run(

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from gbt_ocp import cli
-from gbt_ocp.experiments.faults import ConfigurationError
+from gbt_ocp.cli import main as cli
+from gbt_ocp.experiments.config.faults import ConfigurationError
 
 
 class Result:
@@ -200,7 +200,7 @@ def test_linear_algebra_has_one_thread_unless_the_user_says_otherwise(given):
         "        if name == 'numpy':\n"
         f"            print(*(os.environ.get(key) for key in {names}))\n"
         "sys.meta_path.insert(0, Watch())\n"
-        "import gbt_ocp.cli\n"
+        "import gbt_ocp.cli.main\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", script],

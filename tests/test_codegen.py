@@ -12,23 +12,18 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from gbt_ocp import cli
-from gbt_ocp.ocp import (
-    BearingSimilarity,
-    FieldOfView,
-    KeepOut,
-    RangeLimits,
-    RangePull,
-    ThrustLimit,
-    TrajectoryProblem,
-)
-from gbt_ocp.ocp.codegen.building import build_library, find_compiler, kernel_files
-from gbt_ocp.ocp.codegen.folder import write_folder
-from gbt_ocp.ocp.codegen.generation import generate_problem
-from gbt_ocp.ocp.codegen.ipopt_source import write_ipopt_folder
-from gbt_ocp.ocp.codegen.verification import verify_folder
-from gbt_ocp.ocp.transcription import Binding
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
+from gbt_ocp.cli import main as cli
+from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
+from gbt_ocp.guidance.target_limits import FieldOfView, RangeLimits
+from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
+from gbt_ocp.ocp import KeepOut, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.codegen.library import build_library, find_compiler, kernel_files
+from gbt_ocp.ocp.codegen.problem_source import generate_problem
+from gbt_ocp.ocp.export.folder import write_c
+from gbt_ocp.ocp.export.ipopt_source import write_ipopt_folder
+from gbt_ocp.ocp.export.verification import verify_folder
+from gbt_ocp.ocp.planner import Planner
 
 pytestmark = [
     pytest.mark.skipif(find_compiler() is None, reason="no C compiler"),
@@ -45,7 +40,7 @@ def fossen(dimension, form):
 
 @pytest.fixture(scope="module", params=[(2, "hard"), (3, "penalty")], ids=lambda p: f"{p[0]}d-{p[1]}")
 def folder(request, tmp_path_factory):
-    return write_folder(fossen(*request.param), {}, tmp_path_factory.mktemp("generated") / "planner")
+    return write_c(Planner(fossen(*request.param), "compiled"), tmp_path_factory.mktemp("generated") / "planner")
 
 
 def test_it_compiles_without_warnings_repeats_itself_and_agrees_with_python(folder):
@@ -129,7 +124,7 @@ def test_float_is_one_typedef_away(folder, tmp_path):
 
 
 def test_options_travel_into_the_generated_solver(tmp_path):
-    folder = write_folder(fossen(2, "hard"), {"deadline": 77, "gap": 1e-4}, tmp_path / "planner")
+    folder = write_c(Planner(fossen(2, "hard"), "compiled", {"deadline": 77, "gap": 1e-4}), tmp_path / "planner")
     text = (folder / "src" / "gbt_solver.c").read_text()
     assert "settings->deadline = 77;" in text
     assert "settings->gap = 0.0001;" in text
@@ -140,9 +135,9 @@ def test_nothing_is_overwritten_and_nothing_half_written(tmp_path):
     (tmp_path / "planner").mkdir()
     (tmp_path / "planner" / "mine.txt").write_text("mine")
     with pytest.raises(FileExistsError, match="not an empty folder"):
-        write_folder(fossen(2, "hard"), {}, tmp_path / "planner")
+        write_c(Planner(fossen(2, "hard"), "compiled"), tmp_path / "planner")
     with pytest.raises(ValueError, match="allowed keys"):
-        write_folder(fossen(2, "hard"), {"fast": 1}, tmp_path / "other")
+        write_c(Planner(fossen(2, "hard"), "compiled", {"fast": 1}), tmp_path / "other")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["planner"]
 
 
@@ -166,14 +161,14 @@ def test_an_objective_with_data_of_its_own_is_generated_from_recorded_steps(tmp_
     problem = TrajectoryProblem(vehicle, 6, 0.5).maximize(Nearest()).subject_to(ThrustLimit(vehicle), nodes=2)
     planner = problem.subject_to(KeepOut((2.0, 0.1), 0.5), nodes=4).compile("compiled")
     with pytest.raises(ValueError, match="data of its own"):
-        planner.generate_c(tmp_path / "planner")
+        write_c(planner, tmp_path / "planner")
     steps = [{"state": np.array([[0.3 * k, 0.0], [0.5, 0.1]]), "goal": [4.0, 0.5]} for k in range(4)]
-    folder = planner.generate_c(tmp_path / "planner", steps)
+    folder = write_c(planner, tmp_path / "planner", steps)
     found = verify_folder(folder)
     assert found.faults == ()
     assert found.vectors >= 2
     with pytest.raises(ValueError, match="found solver 'ipopt'"):
-        problem.compile("ipopt").generate_c(tmp_path / "other", steps)
+        write_c(problem.compile("ipopt"), tmp_path / "other", steps)
 
 
 def test_the_symmetric_root_is_that_of_numpy():
@@ -222,7 +217,7 @@ def test_limits_on_the_target_are_bound_from_the_moments_as_in_python(dimension)
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_whole_step_with_limits_on_the_target_is_generated(dimension, tmp_path):
-    folder = write_folder(with_target_limits(dimension), {}, tmp_path / "planner")
+    folder = write_c(Planner(with_target_limits(dimension), "compiled"), tmp_path / "planner")
     assert json.loads((folder / "manifest.json").read_text())["problem"]["from_moments"]
     found = verify_folder(folder)
     assert found.faults == ()

@@ -13,18 +13,20 @@ import numpy as np
 import pytest
 
 import gbt_ocp as gbt
-from gbt_ocp import arguments, cli
-from gbt_ocp.experiments.comparison import compare as comparing
-from gbt_ocp.experiments.comparison import plan, sensitivity, treatments
-from gbt_ocp.experiments.comparison.carrying_out import CarryOut
-from gbt_ocp.experiments.comparison.open_loop import solve_chunk
-from gbt_ocp.experiments.comparison.problems import Problems, draw, record
-from gbt_ocp.experiments.comparison.treatments import COMPILED, IPOPT, Formulation, Pair, make_planner, treated
-from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.ocp.codegen.building import find_compiler
-from gbt_ocp.ocp.soft import SoftIpoptSolver
-from gbt_ocp.ocp.solvers import Solution
-from gbt_ocp.reporting.comparison_figures import COLOURS
+from gbt_ocp.cli import arguments
+from gbt_ocp.cli import main as cli
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.ocp.codegen.library import find_compiler
+from gbt_ocp.ocp.solvers.base import Solution
+from gbt_ocp.studies.limits import compare as comparing
+from gbt_ocp.studies.limits import sensitivity, treatments
+from gbt_ocp.studies.limits import tasks as plan
+from gbt_ocp.studies.limits.carry_out import CarryOut
+from gbt_ocp.studies.limits.figures import COLOURS
+from gbt_ocp.studies.limits.problems import Problems, draw, record
+from gbt_ocp.studies.limits.soft import SoftIpoptSolver
+from gbt_ocp.studies.limits.solves import solve_chunk
+from gbt_ocp.studies.limits.treatments import COMPILED, IPOPT, Formulation, Pair, make_planner, treated
 
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
@@ -41,7 +43,7 @@ def few():
         patch.setattr(sensitivity, "GAMMAS", (0.9, 0.98))
         patch.setattr(sensitivity, "NODES", (1, 4))
         patch.setattr(sensitivity, "PROBLEMS", {IPOPT: 2, COMPILED: 2})
-        patch.setattr("gbt_ocp.experiments.comparison.open_loop.STARTS", 3)
+        patch.setattr("gbt_ocp.studies.limits.solves.STARTS", 3)
         yield
 
 
@@ -222,7 +224,7 @@ def test_ctrl_c_while_problems_are_drawn_is_not_lost(tmp_path, monkeypatch):
         os.kill(os.getpid(), signal.SIGINT)
         return draw(*arguments)
 
-    monkeypatch.setattr("gbt_ocp.experiments.comparison.carrying_out.draw", pressed)
+    monkeypatch.setattr("gbt_ocp.studies.limits.carry_out.draw", pressed)
     with pytest.raises(comparing.ComparisonInterruptedError, match=r"1 of 1 tasks are finished and kept"):
         gbt.compare(
             "case2", formulations=["hard"], solvers=["ipopt"], runs=1, problems=2, out=tmp_path / "out", jobs=1,

@@ -6,10 +6,10 @@ import re
 import numpy as np
 import pytest
 
-from gbt_ocp.experiments.comparison import statistics, summaries
-from gbt_ocp.experiments.comparison.tables import read_rows, write_rows
-from gbt_ocp.experiments.comparison.treatments import Pair
-from gbt_ocp.experiments.comparison.verdict import verdict
+from gbt_ocp.studies.limits import statistics, summaries
+from gbt_ocp.studies.limits.tables import read_rows, write_rows
+from gbt_ocp.studies.limits.treatments import Pair
+from gbt_ocp.studies.limits.verdict import verdict
 
 HARD, PENALTY, ELASTIC = Pair("hard", "compiled"), Pair("penalty", "ipopt"), Pair("elastic", "compiled")
 

@@ -11,24 +11,20 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear, minimize
 
-from gbt_ocp.bearings import DesiredBearing
-from gbt_ocp.ocp import (
-    BearingSimilarity,
-    FlatTrajectory,
-    KeepOut,
-    RangeLimits,
-    RangePull,
-    ThrustLimit,
-    TrajectoryProblem,
-)
-from gbt_ocp.ocp.codegen import building
-from gbt_ocp.ocp.codegen.building import CompilerError, build_library, find_compiler
+from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
+from gbt_ocp.guidance.target_limits import RangeLimits
+from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass, Unicycle
+from gbt_ocp.ocp import FlatTrajectory, KeepOut, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.check import LimitCheck
+from gbt_ocp.ocp.codegen import library as building
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_source
-from gbt_ocp.ocp.compiled import CompiledOptions, CompiledSolver
-from gbt_ocp.ocp.ipopt import IpoptSolver
-from gbt_ocp.ocp.solvers import make_solver
-from gbt_ocp.ocp.transcription import Binding, LimitCheck, input_scale, transcribe
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass, Unicycle
+from gbt_ocp.ocp.codegen.library import CompilerError, build_library, find_compiler
+from gbt_ocp.ocp.solvers.choice import make_solver
+from gbt_ocp.ocp.solvers.compiled import CompiledOptions, CompiledSolver
+from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
+from gbt_ocp.ocp.transcription import input_scale, transcribe
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
@@ -429,7 +425,7 @@ def test_a_library_is_compiled_once(monkeypatch, tmp_path):
 
 def test_two_processes_may_build_the_same_library_at_once(tmp_path):
     code = (
-        "import ctypes; from gbt_ocp.ocp.codegen.building import build_library;"
+        "import ctypes; from gbt_ocp.ocp.codegen.library import build_library;"
         "print(ctypes.CDLL(str(build_library({'a.c': 'int seven(void) { return 7; }'}))).seven())"
     )
     environment = {"GBT_OCP_CACHE": str(tmp_path), "PATH": "/usr/bin:/bin", "PYTHONPATH": ":".join(sys.path)}

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import yaml
 
-from gbt_ocp.experiments.configuration import Configuration, schema
-from gbt_ocp.experiments.faults import ConfigurationError
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.config.faults import ConfigurationError
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.experiments.config.schema import Configuration, schema
 
 PARAMETERS = {
     "mass": 116.0,
@@ -396,9 +396,9 @@ def test_preset_paper_is_the_papers_tracker_and_planner():
 
 
 PROBLEM = """
-from gbt_ocp.experiments.problem import TrackingProblem
-from gbt_ocp.targets import case_target
-from gbt_ocp.vehicles import PlanarPointMass
+from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
+from gbt_ocp.models.targets import case_target
+from gbt_ocp.models.vehicles import PlanarPointMass
 
 problem = TrackingProblem(
     name="mine", dimension=2, description="mine",

@@ -9,16 +9,18 @@ from scipy.optimize import minimize
 from test_compiled_solver import fossen
 from test_compiled_solver import instance as drawn
 
-from gbt_ocp.experiments.build import build_loop
-from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.ocp.codegen.building import find_compiler
-from gbt_ocp.ocp.codegen.verification import verify_folder
-from gbt_ocp.ocp.compiled import CompiledSolver
-from gbt_ocp.ocp.exchange import ExchangeIpoptSolver
-from gbt_ocp.ocp.ipopt import IpoptSolver
+from gbt_ocp.experiments.build.loop import build_loop
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.ocp.check import LimitCheck
+from gbt_ocp.ocp.codegen.library import find_compiler
+from gbt_ocp.ocp.export.folder import write_c
+from gbt_ocp.ocp.export.verification import verify_folder
+from gbt_ocp.ocp.solvers.compiled import CompiledSolver
+from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.ocp.transcription import LimitCheck, input_scale
-from gbt_ocp.simulation import simulate
+from gbt_ocp.ocp.transcription import input_scale
+from gbt_ocp.simulation.loop import simulate
+from gbt_ocp.studies.limits.exchange import ExchangeIpoptSolver
 
 PERIOD, PIECES = 0.1, 4
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
@@ -146,7 +148,7 @@ def test_the_last_resort_brakes_within_the_limits():
 @needs_compiler
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_generated_planner_repeats_pythons_plans(dimension, tmp_path):
-    folder = posed(dimension).compile("compiled").generate_c(tmp_path / "planner")
+    folder = write_c(posed(dimension).compile("compiled"), tmp_path / "planner")
     found = verify_folder(folder)
     assert found.faults == ()
     assert found.vectors > 5

@@ -5,15 +5,16 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 
-from gbt_ocp.bearings import unit_bearing
-from gbt_ocp.tracking.coregionalization import (
+from gbt_ocp.models.bearings import unit_bearing
+from gbt_ocp.tracking.gp.coregionalization import (
     CoregionalizedHyperparameters,
     CoregionalizedLikelihood,
     CoregionalizedPosterior,
 )
-from gbt_ocp.tracking.kernels import KERNELS
-from gbt_ocp.tracking.likelihood import LogLikelihood, LogNormal, maximise
-from gbt_ocp.tracking.posterior import Hyperparameters, Posterior
+from gbt_ocp.tracking.gp.kernels import KERNELS
+from gbt_ocp.tracking.gp.likelihood import LogLikelihood, maximise
+from gbt_ocp.tracking.gp.posterior import Hyperparameters, Posterior
+from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.tracking.window import Measurements, Window
 
 # kernels of the latent functions, in the plane and in space, as many as axes and more

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import unit_bearing
-from gbt_ocp.tracking.kernels import KERNELS
-from gbt_ocp.tracking.posterior import Hyperparameters, condition
+from gbt_ocp.models.bearings import unit_bearing
+from gbt_ocp.tracking.gp.kernels import KERNELS
+from gbt_ocp.tracking.gp.posterior import Hyperparameters, condition
 from gbt_ocp.tracking.window import Window
 
 STD, STAND = 2.0, 8.0

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad, quad
 
-from gbt_ocp.tracking.displacement_kernels import DISPLACEMENT_KERNELS, VELOCITY_KERNELS
-from gbt_ocp.tracking.kernels import KERNELS
+from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS, VELOCITY_KERNELS
+from gbt_ocp.tracking.gp.kernels import KERNELS
 
 LENGTH = 2.5
 

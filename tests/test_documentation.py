@@ -1,6 +1,5 @@
 """What the documents say is so: examples run, commands parse, names exist, tables are complete."""
 
-import ast
 import importlib
 import itertools
 import re
@@ -13,9 +12,10 @@ from typing import get_args
 import pytest
 import yaml
 
-from gbt_ocp import arguments as command_line
-from gbt_ocp.experiments.configuration import Configuration, Section
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.cli import arguments as command_line
+from gbt_ocp.experiments.config.keys import Section
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.experiments.config.schema import Configuration
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -23,7 +23,7 @@ DOCUMENTS = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
     for path in [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 }
-PAPER, ARCHITECTURE = DOCUMENTS["docs/paper.md"], DOCUMENTS["docs/architecture.md"]
+PAPER = DOCUMENTS["docs/paper.md"]
 
 
 def blocks(text, language):
@@ -173,63 +173,6 @@ def test_every_misprint_has_its_row_and_its_test():
     for number, *_, test in table:
         assert test.startswith(f"`test_{number.lower()}_")
         assert f"def {test.strip('`')}(" in tests
-
-
-# The architecture
-
-
-def imports(path):
-    """Modules of the package that a file imports, and whether it does so only inside a function."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    lazy = {id(node) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) for node in ast.walk(f)}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: a relative import"
-            names = [node.module] if node.module != "gbt_ocp" else [f"gbt_ocp.{alias.name}" for alias in node.names]
-        elif isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        else:
-            continue
-        for name in names:
-            if name.startswith("gbt_ocp.") and name != "gbt_ocp.__version__":
-                yield name, id(node) in lazy
-
-
-def room(module):
-    return module.split(".")[1]
-
-
-def test_imports_run_one_way_as_the_table_of_rooms_says():
-    table = {row[0].strip("`"): row for row in rows(ARCHITECTURE, "| room | what it holds | imports |")}
-    allowed = {name: set(re.findall(r"`(\w+)`", row[2])) for name, row in table.items()}
-    allowed["experiments"] |= allowed["simulation"]  # "and what lies below it"
-    package = ROOT / "gbt_ocp"
-    rooms = {path.stem for path in package.iterdir() if path.suffix == ".py" or (path / "__init__.py").is_file()}
-    assert set(allowed) == rooms - {"__init__"}
-    # A user's file to start from: it stands outside the package, and imports what a user imports.
-    starting_point = package / "experiments" / "starting_point" / "problem.py"
-    for path in set(package.rglob("*.py")) - {starting_point}:
-        own = path.relative_to(package).with_suffix("").parts[0]
-        for module, lazy in imports(path):
-            where = f"{path.relative_to(ROOT)} imports {module}"
-            if own == "__init__":
-                assert room(module) == "experiments", where
-            elif room(module) != own:
-                assert room(module) in allowed[own], where
-                if own == "reporting":
-                    assert module.removeprefix("gbt_ocp.experiments") in ("", ".history", ".replay"), where
-                if room(module) == "reporting" and module != "gbt_ocp.reporting.tables":  # which draws nothing
-                    assert lazy, f"{where} before anything is drawn"
-
-
-def test_the_rooms_of_the_table_stand_in_an_order():
-    """No room imports one that stands below it in the table, but for reporting on request."""
-    table = rows(ARCHITECTURE, "| room | what it holds | imports |")
-    order = [row[0].strip("`") for row in table]
-    for row in table:
-        for name in re.findall(r"`(\w+)`", row[2]):
-            if name != "reporting":
-                assert order.index(name) < order.index(row[0].strip("`"))
 
 
 # The configuration

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import rotate_bearing, tangent_basis, unit_bearing
-from gbt_ocp.tracking.ekf import ExtendedKalmanFilter, FirstGuess, ImmExtendedTracker, linearised
-from gbt_ocp.tracking.imm import InteractingMultipleModel
-from gbt_ocp.tracking.plkf import PseudoLinearKalmanFilter
-from gbt_ocp.tracking.prior import PositionPrior
+from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
+from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess, ImmExtendedTracker, linearised
+from gbt_ocp.tracking.filters.imm import InteractingMultipleModel
+from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
+from gbt_ocp.tracking.priors import PositionPrior
 
 SIGMA = np.deg2rad(1.0)
 

@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import DesiredBearing
-from gbt_ocp.ocp import BearingSimilarity, RangePull, ThrustLimit, TrajectoryProblem
-from gbt_ocp.ocp.exchange import BETWEEN_NODES, DoublingCompiledSolver, ExchangeIpoptSolver
-from gbt_ocp.ocp.ipopt import IpoptSolver
+from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
+from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.vehicles import FALCON_2D, FossenVehicle
+from gbt_ocp.ocp import ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
 from gbt_ocp.ocp.trajectory import FlatTrajectory, flat_point, propagate
-from gbt_ocp.ocp.transcription import Binding, input_scale
+from gbt_ocp.ocp.transcription import input_scale
+from gbt_ocp.studies.limits.exchange import BETWEEN_NODES, DoublingCompiledSolver, ExchangeIpoptSolver
 from gbt_ocp.tracking.protocol import Forecast
-from gbt_ocp.vehicles import FALCON_2D, FossenVehicle
 
 PIECES, PERIOD = 5, 0.1
 LIMIT = np.array([5000.0, 5000.0, 1500.0])

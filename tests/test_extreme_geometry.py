@@ -5,9 +5,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gbt_ocp.bearings import condition_number, cumulative_bearing_matrix, rotate_bearing, tangent_basis, unit_bearing
-from gbt_ocp.experiments.build_trackers import build_tracker
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.build.trackers import build_tracker
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.models.bearings import (
+    condition_number,
+    cumulative_bearing_matrix,
+    rotate_bearing,
+    tangent_basis,
+    unit_bearing,
+)
 from gbt_ocp.tracking.protocol import PositionTracker
 
 FEW = settings(max_examples=60, deadline=None, database=None, derandomize=True, suppress_health_check=list(HealthCheck))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from faults import SENSOR_FAULTS, SOLVER_FAULTS, TRACKER_FAULTS, faulty_run
 
-from gbt_ocp.ocp.codegen.building import find_compiler
+from gbt_ocp.ocp.codegen.library import find_compiler
 
 SOLVER = "compiled" if find_compiler() else "ipopt"
 HARD = ("planner.formulation=hard", f"planner.solver={SOLVER}")

@@ -10,11 +10,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mutations import bases, mappings, overrides, texts
 
-from gbt_ocp import cli
-from gbt_ocp.experiments import build
-from gbt_ocp.experiments.build_desired import build_desired_bearing
-from gbt_ocp.experiments.faults import ConfigurationError
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.cli import main as cli
+from gbt_ocp.experiments.build import loop as build
+from gbt_ocp.experiments.build.desired import build_desired_bearing
+from gbt_ocp.experiments.config.faults import ConfigurationError
+from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.sweep.plan import plan_sweep, read_axis, read_entries
 
 LONGEST_LINE = 1500

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_replay import log_of
 
-from gbt_ocp.experiments.faults import ConfigurationError
+from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.replay import replay
 
 QUICK = {"tracker": {"kind": "ekf", "initial_range_m": 40.0, "bearing_std_deg": 1.0}}

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 from test_codegen import fossen, with_target_limits
 
-from gbt_ocp.ocp.codegen.building import find_compiler
-from gbt_ocp.ocp.codegen.folder import write_folder
+from gbt_ocp.ocp.codegen.library import find_compiler
+from gbt_ocp.ocp.export.folder import write_c
+from gbt_ocp.ocp.planner import Planner
 
 pytestmark = [
     pytest.mark.skipif(find_compiler() is None, reason="no C compiler"),
@@ -40,7 +41,7 @@ SANITIZERS = [("gcc", "address,undefined"), ("clang", "address,undefined"), ("cl
 
 @pytest.fixture(scope="module", params=PROBLEMS)
 def folder(request, tmp_path_factory):
-    return write_folder(PROBLEMS[request.param](), {}, tmp_path_factory.mktemp("generated") / "planner")
+    return write_c(Planner(PROBLEMS[request.param](), "compiled"), tmp_path_factory.mktemp("generated") / "planner")
 
 
 def build(folder, scratch, compiler, *flags):

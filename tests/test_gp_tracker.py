@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import unit_bearing
-from gbt_ocp.tracking.gp import GaussianProcessTracker
-from gbt_ocp.tracking.posterior import LARGEST_NUGGET
+from gbt_ocp.models.bearings import unit_bearing
+from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
+from gbt_ocp.tracking.gp.posterior import LARGEST_NUGGET
 
 TURN = np.array([[0.6, -0.8], [0.8, 0.6]])
 COVARIANCE = np.array([[4.0, 1.5], [1.5, 1.0]])

@@ -3,11 +3,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import DesiredBearing
 from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
 from gbt_ocp.guidance.planned import PlannedMotion
+from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.vehicles import FALCON_2D, FossenVehicle
 from gbt_ocp.tracking.protocol import Forecast
-from gbt_ocp.vehicles import FALCON_2D, FossenVehicle
 
 VEHICLE = FossenVehicle(FALCON_2D, [5000.0, 5000.0, 1500.0])
 ANY = (np.zeros((2, 3)), Forecast(np.zeros((12, 2)), np.zeros((12, 2, 2))))

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import rotate_bearing, unit_bearing
-from gbt_ocp.tracking.imm import MODES, ImmPositionTracker, ImmPseudoLinearTracker, InteractingMultipleModel
-from gbt_ocp.tracking.prior import PositionPrior
+from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
+from gbt_ocp.tracking.filters.imm import MODES, ImmPositionTracker, ImmPseudoLinearTracker, InteractingMultipleModel
+from gbt_ocp.tracking.priors import PositionPrior
 
 PERIOD = 0.1
 

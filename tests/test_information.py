@@ -4,18 +4,25 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import condition_number, cumulative_bearing_matrix, unit_bearing
-from gbt_ocp.experiments.build import build_loop
-from gbt_ocp.experiments.faults import ConfigurationError
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.build.loop import build_loop
+from gbt_ocp.experiments.config.faults import ConfigurationError
+from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.run import run
+from gbt_ocp.guidance.information import (
+    CRITERIA,
+    FisherInformation,
+    NearInformation,
+    PosteriorVariance,
+    smooth_largest,
+    smooth_smallest,
+)
 from gbt_ocp.guidance.past import PastBearings
-from gbt_ocp.ocp import FisherInformation, FlatPoint, NearInformation, PosteriorVariance, ThrustLimit, TrajectoryProblem
+from gbt_ocp.models.bearings import condition_number, cumulative_bearing_matrix, unit_bearing
+from gbt_ocp.models.vehicles import PlanarPointMass
+from gbt_ocp.ocp import FlatPoint, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError
-from gbt_ocp.ocp.information import CRITERIA, smooth_largest, smooth_smallest
-from gbt_ocp.tracking.gp import GaussianProcessTracker
+from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.protocol import Forecast, JointForecast
-from gbt_ocp.vehicles import PlanarPointMass
 
 both_dimensions = pytest.mark.parametrize("dimension", [2, 3])
 REFERENCE = 5.0

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from gbt_ocp.ocp import BearingSimilarity, RangePull, ThrustLimit, TrajectoryProblem
-from gbt_ocp.ocp.ipopt import FILES, IpoptSolver, ipopt_function
-from gbt_ocp.ocp.transcription import Binding, transcribe
-from gbt_ocp.vehicles import FALCON_2D, FossenVehicle
+from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
+from gbt_ocp.models.vehicles import FALCON_2D, FossenVehicle
+from gbt_ocp.ocp import ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.solvers.ipopt import FILES, IpoptSolver, ipopt_function
+from gbt_ocp.ocp.transcription import transcribe
 
 
 class Moments(NamedTuple):

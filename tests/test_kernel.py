@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gbt_ocp.ocp import BearingSimilarity, KeepOut, RangePull, ThrustLimit, TrajectoryProblem
-from gbt_ocp.ocp.codegen.building import build_library, find_compiler, kernel_files
-from gbt_ocp.ocp.codegen.generation import generate_problem
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
+from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.ocp import KeepOut, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.codegen.library import build_library, find_compiler, kernel_files
+from gbt_ocp.ocp.codegen.problem_source import generate_problem
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from sklearn.gaussian_process import kernels as theirs
 
-from gbt_ocp.tracking.kernels import KERNELS
+from gbt_ocp.tracking.gp.kernels import KERNELS
 
 # Name, log parameters, the same kernel in scikit-learn.
 PAIRS = [

@@ -3,10 +3,11 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal, norm
 
-from gbt_ocp.bearings import unit_bearing
-from gbt_ocp.tracking.kernels import KERNELS
-from gbt_ocp.tracking.likelihood import LogLikelihood, LogNormal, maximise
-from gbt_ocp.tracking.posterior import NotPositiveDefiniteError
+from gbt_ocp.models.bearings import unit_bearing
+from gbt_ocp.tracking.gp.kernels import KERNELS
+from gbt_ocp.tracking.gp.likelihood import LogLikelihood, maximise
+from gbt_ocp.tracking.linalg import NotPositiveDefiniteError
+from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.tracking.window import Measurements, Window
 
 CASES = [(name, dimension) for name in KERNELS for dimension in (2, 3)]

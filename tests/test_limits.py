@@ -5,23 +5,23 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
+from gbt_ocp.guidance.target_limits import FieldOfView, RangeLimits
+from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.ocp import (
-    BearingSimilarity,
     DepthLimits,
-    FieldOfView,
     FlatPoint,
     FlatTrajectory,
     KeepOutPolygon,
-    RangeLimits,
-    RangePull,
     SpeedLimit,
     ThrustLimit,
     TrajectoryProblem,
     YawRateLimit,
 )
-from gbt_ocp.ocp.transcription import Binding, LimitCheck, transcribe
+from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.check import LimitCheck
+from gbt_ocp.ocp.transcription import transcribe
 from gbt_ocp.tracking.protocol import Forecast
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
 
 FALCON = FossenVehicle(FALCON_2D, (5000.0, 5000.0, 1500.0))
 SPACE = FossenVehicle(FALCON_3D, (5000.0, 5000.0, 5000.0, 1500.0))

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import gbt_ocp as gbt
-from gbt_ocp.bearings import unit_bearing
-from gbt_ocp.experiments.faults import ConfigurationError
-from gbt_ocp.tracking.bounds import posterior_bound
-from gbt_ocp.tracking.gp import GaussianProcessTracker
-from gbt_ocp.tracking.lmc import CoregionalizedTracker
-from gbt_ocp.tracking.posterior import LARGEST_NUGGET
+from gbt_ocp.experiments.config.faults import ConfigurationError
+from gbt_ocp.models.bearings import unit_bearing
+from gbt_ocp.tracking.gp.bounds import posterior_bound
+from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
+from gbt_ocp.tracking.gp.lmc import CoregionalizedTracker
+from gbt_ocp.tracking.gp.posterior import LARGEST_NUGGET
 from gbt_ocp.tracking.protocol import GaussianProcess
 
 COVARIANCE = np.array([[4.0, 1.5], [1.5, 1.0]])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from gbt_ocp.experiments.studies.measures import (
+from gbt_ocp.studies.paper.measures import (
     after_events,
     mean_interval,
     proportion,

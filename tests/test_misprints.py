@@ -11,26 +11,25 @@ from scipy.integrate import solve_ivp, trapezoid
 from scipy.linalg import sqrtm
 from scipy.stats import chi2, multivariate_normal
 
-from gbt_ocp.bearings import DesiredBearing, condition_number, cumulative_bearing_matrix, unit_bearing
-from gbt_ocp.experiments.build import build_vehicle
-from gbt_ocp.experiments.build_desired import build_desired_bearing
-from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.experiments.summary import summarise
+from gbt_ocp.experiments.build.desired import build_desired_bearing
+from gbt_ocp.experiments.build.loop import build_vehicle
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.guidance.objectives import BearingSimilarity, sigma_points, sigma_weights
+from gbt_ocp.models.bearings import DesiredBearing, condition_number, cumulative_bearing_matrix, unit_bearing
+from gbt_ocp.models.targets import case_target
+from gbt_ocp.models.vehicles import FALCON_2D, FossenVehicle, rotation
 from gbt_ocp.ocp import FlatTrajectory, ThrustLimit, TrajectoryProblem
-from gbt_ocp.ocp.objectives import BearingSimilarity, sigma_points, sigma_weights
-from gbt_ocp.ocp.penalty import smoothed_hinge
 from gbt_ocp.ocp.plan import Plan
-from gbt_ocp.ocp.problem import PenaltyLimit
-from gbt_ocp.ocp.transcription import transcribe
-from gbt_ocp.simulation import Mover
-from gbt_ocp.targets import case_target
-from gbt_ocp.tracking.bounds import bearing_bound
-from gbt_ocp.tracking.kernels import KERNELS
-from gbt_ocp.tracking.likelihood import LogLikelihood
-from gbt_ocp.tracking.posterior import Hyperparameters, Posterior
+from gbt_ocp.ocp.problem_data import PenaltyLimit
+from gbt_ocp.ocp.transcription import smoothed_hinge, transcribe
+from gbt_ocp.simulation.mover import Mover
+from gbt_ocp.simulation.summary import summarise
+from gbt_ocp.tracking.gp.bounds import bearing_bound
+from gbt_ocp.tracking.gp.kernels import KERNELS
+from gbt_ocp.tracking.gp.likelihood import LogLikelihood
+from gbt_ocp.tracking.gp.posterior import Hyperparameters, Posterior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import Window
-from gbt_ocp.vehicles import FALCON_2D, FossenVehicle, rotation
 
 FALCON = FossenVehicle(FALCON_2D, (5000.0, 5000.0, 1500.0))
 

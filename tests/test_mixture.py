@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from gbt_ocp.bearings import rotate_bearing, tangent_basis, unit_bearing
-from gbt_ocp.experiments.build_trackers import build_tracker
-from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.tracking.bearing_noise import BearingNoise
+from gbt_ocp.experiments.build.trackers import build_tracker
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
 from gbt_ocp.tracking.bins import BinnedBearings
-from gbt_ocp.tracking.displacement_kernels import DISPLACEMENT_KERNELS
+from gbt_ocp.tracking.displacement.fit import Anchor, MotionFit, Node
+from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS
+from gbt_ocp.tracking.displacement.rows import linearised
 from gbt_ocp.tracking.mixture import ASTRAY, MixtureTracker, log_density, velocity_scale
-from gbt_ocp.tracking.motion_fit import Anchor, MotionFit, Node
-from gbt_ocp.tracking.motion_gp import MotionShapeTracker
+from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.tracking.protocol import Forecast
-from gbt_ocp.tracking.relinearised import linearised
-from gbt_ocp.tracking.shape_processes import LogNormalPrior
+from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
 
 SIGMA = np.deg2rad(1.0)
 SETTINGS = {
@@ -152,8 +152,8 @@ def test_no_single_bin_decides():
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_scale_of_the_velocity_makes_the_speeds_of_the_prior(dimension):
     rng = np.random.default_rng(2)
-    scale = velocity_scale(LogNormalPrior(2.5, 1.0), dimension)
-    deviation = scale.median * np.exp(scale.spread * rng.standard_normal(200_000))
+    scale = velocity_scale(LogNormal(2.5, 1.0), dimension)
+    deviation = scale.median * np.exp(scale.log_std * rng.standard_normal(200_000))
     speed = np.log(np.linalg.norm(deviation[:, None] * rng.standard_normal((200_000, dimension)), axis=1))
     assert np.mean(speed) == pytest.approx(np.log(2.5), abs=0.01)
     assert np.std(speed) == pytest.approx(1.0, abs=0.01)

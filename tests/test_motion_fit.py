@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from gbt_ocp.bearings import unit_bearing
-from gbt_ocp.tracking.bearing_noise import BearingNoise
+from gbt_ocp.models.bearings import unit_bearing
 from gbt_ocp.tracking.bins import BinnedBearings
-from gbt_ocp.tracking.displacement_kernels import DISPLACEMENT_KERNELS
-from gbt_ocp.tracking.likelihood import LogNormal
-from gbt_ocp.tracking.motion_fit import Anchor, Mixture, MotionFit, Node, grid
-from gbt_ocp.tracking.relinearised import linearised
+from gbt_ocp.tracking.displacement.fit import Anchor, Mixture, MotionFit, Node, grid
+from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS
+from gbt_ocp.tracking.displacement.rows import linearised
+from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.priors import LogNormal
 
 NODE = Node(np.log(1.5), np.log(2.0), 0.01**2, -0.3)
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import rotate_bearing, unit_bearing
-from gbt_ocp.tracking.bearing_noise import BearingNoise
-from gbt_ocp.tracking.motion_gp import MotionShapeTracker
+from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
+from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
 
 SIGMA = np.deg2rad(1.0)
 

@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import rotate_bearing, unit_bearing
-from gbt_ocp.tracking.bearing_noise import BearingNoise
-from gbt_ocp.tracking.motion_gp import MotionShapeTracker
-from gbt_ocp.tracking.shape_processes import LogNormalPrior, ShapePrior
+from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
+from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.priors import LogNormal
+from gbt_ocp.tracking.shape.processes import ShapePrior
+from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
 
 SIGMA = np.deg2rad(1.0)
 # hardly moves, and of the range nothing is known
-AT_REST = ShapePrior(speed=LogNormalPrior(1e-4, 0.1), range=LogNormalPrior(50.0, 3.0))
+AT_REST = ShapePrior(speed=LogNormal(1e-4, 0.1), range=LogNormal(50.0, 3.0))
 
 
 def around(times, dimension, rate=0.1):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from gbt_ocp.tracking.motion_models import constant_acceleration, constant_velocity, coordinated_turn, turn_rate
+from gbt_ocp.tracking.filters.motion_models import constant_acceleration, constant_velocity, coordinated_turn, turn_rate
 
 MODELS = {2: constant_velocity, 3: constant_acceleration}
 

@@ -5,11 +5,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.stats import multivariate_t
 
-from gbt_ocp.bearings import rotate_bearing, tangent_basis, unit_bearing
-from gbt_ocp.tracking.motion_shape import Motions, MotionShape
-from gbt_ocp.tracking.shape_fit import Fit, Sightings, fit
-from gbt_ocp.tracking.shape_moments import moments_ahead, moments_behind
-from gbt_ocp.tracking.shape_processes import LogNormalPrior, ShapePrior, operators
+from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
+from gbt_ocp.tracking.priors import LogNormal
+from gbt_ocp.tracking.shape.fit import Fit, Sightings, fit
+from gbt_ocp.tracking.shape.moments import moments_ahead, moments_behind
+from gbt_ocp.tracking.shape.motions import Motions, MotionShape
+from gbt_ocp.tracking.shape.processes import ShapePrior, operators
 
 
 def shape_of(dimension, span=24.0, knot=3.0, **keys):
@@ -169,8 +170,8 @@ def test_the_mode_has_no_slope_and_its_precision_is_that_of_finite_differences(d
 def test_evidence_and_moments_are_those_of_brute_force():
     """Importance sampling of the whole posterior, with weights from the exact density of the bearings."""
     prior = ShapePrior(
-        speed=LogNormalPrior(1.0, 0.5),
-        range=LogNormalPrior(25.0, 0.4),
+        speed=LogNormal(1.0, 0.5),
+        range=LogNormal(25.0, 0.4),
         turn_stds=(0.03,),
         turn_times=(25.0,),
         speed_stds=(0.1,),
@@ -269,4 +270,4 @@ def test_wrong_shapes_are_refused():
     with pytest.raises(ValueError, match="allowed: numbers > 0"):
         ShapePrior(turn_stds=())
     with pytest.raises(ValueError, match="median and log_std"):
-        LogNormalPrior(1.0, 0.0)
+        LogNormal(1.0, 0.0)

@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import rotate_bearing, unit_bearing
-from gbt_ocp.experiments.build import build_loop
-from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.simulation import simulate
-from gbt_ocp.tracking.bearing_noise import BearingNoise
-from gbt_ocp.tracking.displacement_kernels import DISPLACEMENT_KERNELS
-from gbt_ocp.tracking.gp import GaussianProcessTracker
-from gbt_ocp.tracking.likelihood import LogNormal
-from gbt_ocp.tracking.noisy_gp import NoisyGaussianProcessTracker
-from gbt_ocp.tracking.range_hypotheses import MotionPriors
+from gbt_ocp.experiments.build.loop import build_loop
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
+from gbt_ocp.simulation.loop import simulate
+from gbt_ocp.tracking.displacement.hypotheses import MotionPriors
+from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS
+from gbt_ocp.tracking.displacement.tracker import NoisyGaussianProcessTracker
+from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
+from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.priors import LogNormal
 
 ONE_DEGREE = np.radians(1.0)
 

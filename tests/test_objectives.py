@@ -2,7 +2,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from gbt_ocp.ocp.objectives import BearingSimilarity, RangePull, sigma_points, sigma_weights
+from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull, sigma_points, sigma_weights
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.tracking.protocol import Forecast
 

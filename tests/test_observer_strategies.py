@@ -4,18 +4,19 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gbt_ocp.bearings import DesiredBearing
-from gbt_ocp.experiments.build import build_loop
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.build.loop import build_loop
+from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.guidance.circumnavigation import Circumnavigation
 from gbt_ocp.guidance.fim_placement import FimPlacement
 from gbt_ocp.guidance.helical import HelicalGuidance, rotation_to
 from gbt_ocp.guidance.inverse_dynamics import InverseDynamics
 from gbt_ocp.guidance.line_of_sight import LineOfSight
 from gbt_ocp.guidance.protocol import BearingGuidance
-from gbt_ocp.simulation import Mover, simulate
+from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
+from gbt_ocp.simulation.loop import simulate
+from gbt_ocp.simulation.mover import Mover
 from gbt_ocp.tracking.protocol import Forecast
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
 
 PERIOD = 0.1
 PLANAR = FossenVehicle(FALCON_2D, [5000.0, 5000.0, 1500.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from gbt_ocp.bearings import DesiredBearing, condition_number, cumulative_bearing_matrix
+from gbt_ocp.models.bearings import DesiredBearing, condition_number, cumulative_bearing_matrix
 
 
 def stated(dimension, m, axis=(0.0, 0.0, 1.0)):

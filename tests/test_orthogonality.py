@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gbt_ocp.tracking.orthogonality import OrthogonalityTracker
-from gbt_ocp.tracking.prior import PositionPrior
+from gbt_ocp.tracking.filters.orthogonality import OrthogonalityTracker
+from gbt_ocp.tracking.priors import PositionPrior
 
 PERIOD = 0.02
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import DesiredBearing
 from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
-from gbt_ocp.vehicles import FALCON_2D, FossenVehicle, PlanarPointMass
+from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.vehicles import FALCON_2D, FossenVehicle, PlanarPointMass
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

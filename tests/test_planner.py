@@ -4,13 +4,15 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from gbt_ocp.ocp import BearingSimilarity, FlatTrajectory, KeepOut, Planner, RangePull, ThrustLimit, TrajectoryProblem
+from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
+from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
+from gbt_ocp.ocp import FlatTrajectory, KeepOut, Planner, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.braking import BrakingPlanner
+from gbt_ocp.ocp.check import LimitCheck
 from gbt_ocp.ocp.planner import TIGHTENINGS
-from gbt_ocp.ocp.solvers import Solution
-from gbt_ocp.ocp.transcription import LimitCheck, input_scale
+from gbt_ocp.ocp.solvers.base import Solution
+from gbt_ocp.ocp.transcription import input_scale
 from gbt_ocp.tracking.protocol import Forecast
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
 
 PLANAR = FossenVehicle(FALCON_2D, (5000.0, 5000.0, 1500.0))
 SPATIAL = FossenVehicle(FALCON_3D, (5000.0, 5000.0, 5000.0, 1500.0))

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gbt_ocp.ocp import BearingSimilarity, RangePull, ThrustLimit, TrajectoryProblem
-from gbt_ocp.ocp.ipopt import IpoptSolver
-from gbt_ocp.ocp.problem import HardLimit
-from gbt_ocp.ocp.transcription import Binding, input_scale
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
+from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.ocp import ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.problem_data import HardLimit
+from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
+from gbt_ocp.ocp.transcription import input_scale
 
 PERIOD, PIECES = 0.1, 5
 

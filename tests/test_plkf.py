@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import rotate_bearing, tangent_basis, unit_bearing
-from gbt_ocp.tracking.plkf import PseudoLinearKalmanFilter
-from gbt_ocp.tracking.prior import PositionPrior
+from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
+from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
+from gbt_ocp.tracking.priors import PositionPrior
 
 
 def build(dimension=2, mean=None, covariance=None, **keys):

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import DesiredBearing
-from gbt_ocp.targets import case_target
-from gbt_ocp.tracking.polynomial import PolynomialRegression
-from gbt_ocp.tracking.prior import PositionPrior
+from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.targets import case_target
+from gbt_ocp.tracking.filters.polynomial import PolynomialRegression
+from gbt_ocp.tracking.priors import PositionPrior
 
 PERIOD = 0.1
 WINDOW = {2: 20, 3: 12}

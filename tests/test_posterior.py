@@ -4,10 +4,11 @@ from scipy.linalg import block_diag
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process import kernels as theirs
 
-from gbt_ocp.bearings import unit_bearing
-from gbt_ocp.tracking import posterior as module
-from gbt_ocp.tracking.kernels import KERNELS
-from gbt_ocp.tracking.posterior import Hyperparameters, NotPositiveDefiniteError, Posterior, cholesky, condition
+from gbt_ocp.models.bearings import unit_bearing
+from gbt_ocp.tracking.gp import posterior as module
+from gbt_ocp.tracking.gp.kernels import KERNELS
+from gbt_ocp.tracking.gp.posterior import Hyperparameters, Posterior, condition
+from gbt_ocp.tracking.linalg import NotPositiveDefiniteError, cholesky
 from gbt_ocp.tracking.window import Measurements, Window
 
 both_dimensions = pytest.mark.parametrize("dimension", [2, 3])

@@ -6,11 +6,13 @@ import pytest
 from scipy.integrate import trapezoid
 from scipy.optimize import check_grad
 
-from gbt_ocp.ocp import BearingSimilarity, FlatPoint, FlatTrajectory, KeepOut, RangePull, ThrustLimit, TrajectoryProblem
-from gbt_ocp.ocp.objectives import sigma_points, sigma_weights
-from gbt_ocp.ocp.transcription import Binding, LimitCheck, input_scale, transcribe
+from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull, sigma_points, sigma_weights
+from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass, Unicycle
+from gbt_ocp.ocp import FlatPoint, FlatTrajectory, KeepOut, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.check import LimitCheck
+from gbt_ocp.ocp.transcription import input_scale, transcribe
 from gbt_ocp.tracking.protocol import Forecast
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass, Unicycle
 
 PLANAR = FossenVehicle(FALCON_2D, (5000.0, 5000.0, 1500.0))
 SPATIAL = FossenVehicle(FALCON_3D, (5000.0, 5000.0, 5000.0, 1500.0))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import gbt_ocp as gbt
-from gbt_ocp.experiments.build import build_loop
-from gbt_ocp.simulation import simulate
+from gbt_ocp.experiments.build.loop import build_loop
+from gbt_ocp.simulation.loop import simulate
 from gbt_ocp.tracking.protocol import Forecast, relative_range_std
 
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import rotate_bearing, tangent_basis, unit_bearing
-from gbt_ocp.tracking.bearing_noise import BearingNoise
+from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
 from gbt_ocp.tracking.bins import BinnedBearings
-from gbt_ocp.tracking.relinearised import FARTHEST, linearised, row_covariance
+from gbt_ocp.tracking.displacement.rows import FARTHEST, linearised, row_covariance
+from gbt_ocp.tracking.noise import BearingNoise
 
 
 def seen(target, own, angles=0.0, counts=None):

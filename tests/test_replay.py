@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import yaml
 
-from gbt_ocp import cli
-from gbt_ocp.bearings import rotate_bearing, unit_bearing
-from gbt_ocp.experiments.faults import ConfigurationError
+from gbt_ocp.cli import main as cli
+from gbt_ocp.experiments.bearing_log import read_log
+from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.replay import replay
-from gbt_ocp.experiments.replay_log import read_log
+from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
 
 RECORDED = Path(__file__).resolve().parents[2] / "shared" / "data" / "bearings"
 

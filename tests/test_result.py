@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import synthetic_run
 
-from gbt_ocp.experiments.history import WALL_CLOCK, History
 from gbt_ocp.experiments.result import Result
-from gbt_ocp.experiments.summary import FALLBACKS, summarise
+from gbt_ocp.simulation.history import WALL_CLOCK, History
+from gbt_ocp.simulation.summary import FALLBACKS, summarise
 
 # The contract of the run folder, written out a second time on purpose.
 # fmt: off

@@ -12,7 +12,7 @@ import pytest
 
 import gbt_ocp as gbt
 from gbt_ocp.experiments.result import Result
-from gbt_ocp.targets import TrackTarget
+from gbt_ocp.models.targets import TrackTarget
 
 ROOT = Path(__file__).parents[1]
 TRACKS = ROOT.parent / "shared" / "data" / "tracks"
@@ -23,9 +23,9 @@ OWN = '''
 import casadi as ca
 import numpy as np
 
-from gbt_ocp.experiments.problem import TrackingProblem
-from gbt_ocp.ocp.objectives import BearingSimilarity
-from gbt_ocp.vehicles import PlanarPointMass, Unicycle
+from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
+from gbt_ocp.guidance.objectives import BearingSimilarity
+from gbt_ocp.models.vehicles import PlanarPointMass, Unicycle
 
 
 class Line:
@@ -219,7 +219,7 @@ KILLED_WHILE_WRITING = """
 import os, signal, sys
 import gbt_ocp.reporting.figures as figures
 figures.write_figures = lambda folder: os.kill(os.getpid(), signal.SIGKILL)
-from gbt_ocp.cli import main
+from gbt_ocp.cli.main import main
 main(sys.argv[1:])
 """
 

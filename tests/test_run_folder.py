@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 import synthetic_run
 
-from gbt_ocp.experiments import run_folder
-from gbt_ocp.experiments.history import History
 from gbt_ocp.experiments.result import Result
+from gbt_ocp.files import remove_abandoned, whole_folder
 from gbt_ocp.reporting import figures
+from gbt_ocp.simulation import run_folder
+from gbt_ocp.simulation.history import History
 
 HERE = Path(__file__).parent
 
@@ -31,7 +32,7 @@ def python(code: str, *arguments: object) -> subprocess.Popen:
 
 def test_the_final_name_appears_only_when_the_folder_is_whole(tmp_path):
     target = tmp_path / "run"
-    with run_folder.whole_folder(target) as temporary:
+    with whole_folder(target) as temporary:
         assert temporary.parent == tmp_path
         (temporary / "first").write_text("1")
         assert not target.exists()
@@ -42,7 +43,7 @@ def test_the_final_name_appears_only_when_the_folder_is_whole(tmp_path):
 @pytest.mark.parametrize("fault", [RuntimeError, KeyboardInterrupt, SystemExit])
 def test_an_exception_leaves_nothing(tmp_path, fault):
     def write_half():
-        with run_folder.whole_folder(tmp_path / "run") as temporary:
+        with whole_folder(tmp_path / "run") as temporary:
             (temporary / "half").write_text("1")
             raise fault
 
@@ -78,7 +79,7 @@ def test_a_target_that_was_filled_meanwhile_is_refused_and_kept(tmp_path):
     target = tmp_path / "run"
 
     def be_slower_than_another():
-        with run_folder.whole_folder(target):
+        with whole_folder(target):
             target.mkdir()
             (target / "theirs").write_text("first")
 
@@ -117,7 +118,7 @@ def test_killed_while_writing_leaves_no_run_and_the_next_save_clears_up(tmp_path
     assert child.stdout.readline() == "drawing\n"
     (busy,) = tmp_path.iterdir()
     assert busy.name.startswith(".run.partial-")
-    assert run_folder.remove_abandoned(tmp_path / "run") == []  # its writer lives: hands off
+    assert remove_abandoned(tmp_path / "run") == []  # its writer lives: hands off
     child.kill()
     child.wait()
     child.stdout.close()

@@ -9,7 +9,7 @@ import pytest
 import synthetic_run
 from PIL import Image
 
-from gbt_ocp import cli
+from gbt_ocp.cli import main as cli
 from gbt_ocp.experiments.result import Result
 from gbt_ocp.reporting.run_report import MEANING, write_report
 

@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gbt_ocp.bearings import DesiredBearing
-from gbt_ocp.experiments.build import build_loop, build_problem, build_vehicle
-from gbt_ocp.experiments.build_desired import orbit_range, reachable_speed, unreachable_bearings
-from gbt_ocp.experiments.faults import ConfigurationError
-from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.guidance.orbit import circling_speed, horizontal_radius, turn_period
+from gbt_ocp.experiments.build.desired import orbit_range, reachable_speed, unreachable_bearings
+from gbt_ocp.experiments.build.loop import build_loop, build_problem, build_vehicle
+from gbt_ocp.experiments.config.faults import ConfigurationError
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.guidance.pacing import circling_speed, horizontal_radius, turn_period
 from gbt_ocp.guidance.startup import CrossFirst
-from gbt_ocp.ocp.solvers import options_for
-from gbt_ocp.ocp.target_limits import RangeLimits
-from gbt_ocp.simulation import simulate
-from gbt_ocp.targets import TurningTarget
+from gbt_ocp.guidance.target_limits import RangeLimits
+from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.targets import TurningTarget
+from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
+from gbt_ocp.ocp.solvers.base import options_for
+from gbt_ocp.simulation.loop import simulate
 from gbt_ocp.tracking.protocol import Forecast
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
 
 FALCON = FossenVehicle(FALCON_2D, (5000.0, 5000.0, 1500.0))
 both_dimensions = pytest.mark.parametrize("dimension", [2, 3])

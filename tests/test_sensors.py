@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gbt_ocp.bearings import rotate_bearing, tangent_basis, unit_bearing
-from gbt_ocp.sensors import BearingSensor
+from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
+from gbt_ocp.models.sensors import BearingSensor
 
 OWN = {2: np.array([0.5, -1.0]), 3: np.array([0.5, -1.0, 2.0])}
 TARGET = {2: np.array([3.0, 1.0]), 3: np.array([3.0, 1.0, -1.0])}

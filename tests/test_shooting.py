@@ -8,14 +8,15 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize
 
-from gbt_ocp.experiments.build import build_loop, build_problem
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.build.loop import build_loop, build_problem
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
 from gbt_ocp.guidance.planned import PlannedMotion
-from gbt_ocp.ocp import BearingSimilarity, KeepOut, RangePull, ThrustLimit, TrajectoryProblem
+from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass, Unicycle, acceleration
+from gbt_ocp.ocp import KeepOut, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.shooting import ShootingPlanner
-from gbt_ocp.simulation import simulate
+from gbt_ocp.simulation.loop import simulate
 from gbt_ocp.tracking.protocol import Forecast
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass, Unicycle, acceleration
 
 PLANAR = FossenVehicle(FALCON_2D, (5000.0, 5000.0, 1500.0))
 SPATIAL = FossenVehicle(FALCON_3D, (5000.0, 5000.0, 5000.0, 1500.0))

@@ -12,9 +12,9 @@ from damage import files
 from processes import forked, started
 from small_folders import KINDS, begin, finished, go_on, little_to_do, result
 
-from gbt_ocp.experiments.comparison.tables import read_rows
-from gbt_ocp.experiments.history import History
-from gbt_ocp.experiments.run_folder import PARTIAL
+from gbt_ocp.files import PARTIAL
+from gbt_ocp.simulation.history import History
+from gbt_ocp.studies.limits.tables import read_rows
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends signals")
 

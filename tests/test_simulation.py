@@ -9,10 +9,11 @@ import pytest
 from scipy.integrate import odeint, solve_ivp
 
 import gbt_ocp as gbt
+from gbt_ocp.models.vehicles import DRAG_SMOOTHING, FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.ocp import FlatTrajectory
 from gbt_ocp.ocp.plan import Plan
-from gbt_ocp.simulation import Mover, step_count
-from gbt_ocp.vehicles import DRAG_SMOOTHING, FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.simulation.loop import step_count
+from gbt_ocp.simulation.mover import Mover
 
 ROOT = Path(__file__).parents[1]
 PERIOD = 0.1
@@ -195,7 +196,7 @@ def test_a_target_that_passes_through_the_vehicle(tmp_path):
     problem = tmp_path / "through.py"
     problem.write_text(
         "import numpy as np\n"
-        "from gbt_ocp.experiments.problem import TrackingProblem\n"
+        "from gbt_ocp.experiments.config.tracking_problem import TrackingProblem\n"
         "class Through:\n"
         "    dimension = 2\n"
         "    def position(self, times):\n"

@@ -34,6 +34,15 @@ def test_the_navigation_names_pages_that_there_are():
         assert name in ("gallery/index.md", "command-line.md") or (DOCS / name).is_file(), name
 
 
+def test_the_python_reference_is_that_of_the_public_rooms():
+    """After a change: ``python docs/write_api.py``."""
+    spec = importlib.util.spec_from_file_location("write_api", DOCS / "write_api.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    for name, text in module.pages().items():
+        assert (DOCS / name).read_text(encoding="utf-8") == text, "run: python docs/write_api.py"
+
+
 def code_cells():
     notebook = json.loads((DOCS / "notebook.ipynb").read_text(encoding="utf-8"))
     return [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]

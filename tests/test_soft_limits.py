@@ -4,13 +4,15 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from gbt_ocp.models.vehicles import PlanarPointMass
 from gbt_ocp.ocp import KeepOut, ThrustLimit, TrajectoryProblem
-from gbt_ocp.ocp.compiled import CompiledSolver
-from gbt_ocp.ocp.ipopt import IpoptSolver
-from gbt_ocp.ocp.soft import LIMIT_WEIGHT, SoftCompiledSolver, SoftIpoptSolver
+from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.check import LimitCheck
+from gbt_ocp.ocp.solvers.compiled import CompiledSolver
+from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.ocp.transcription import Binding, LimitCheck, input_scale
-from gbt_ocp.vehicles import PlanarPointMass
+from gbt_ocp.ocp.transcription import input_scale
+from gbt_ocp.studies.limits.soft import LIMIT_WEIGHT, SoftCompiledSolver, SoftIpoptSolver
 
 PERIOD = 0.5
 

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from gbt_ocp import ConfigurationError, TrackingProblem, cli, load_config
-from gbt_ocp.experiments.build import build_problem, build_vehicle
-from gbt_ocp.experiments.catalogue import load_problem
+from gbt_ocp import ConfigurationError, TrackingProblem, load_config
+from gbt_ocp.cli import main as cli
+from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
+from gbt_ocp.experiments.config.catalogue import load_problem
 from gbt_ocp.experiments.result import Result
 from gbt_ocp.ocp import KeepOut
 

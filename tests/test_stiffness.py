@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import gbt_ocp as gbt
+from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.ocp import ThrustLimit, TrajectoryProblem
-from gbt_ocp.ocp.penalty import smoothed_hinge
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.ocp.transcription import smoothed_hinge
 
 
 def posed(degree=2, width=0.01, units="normalised", parameters=FALCON_2D, weight=1000.0):

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import rotate_bearing, unit_bearing
-from gbt_ocp.experiments.build_trackers import build_tracker
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.build.trackers import build_tracker
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
 
 KINDS = {
     "gp": {"kind": "gp", "noise": {"std_deg": 1.0, "bin_s": 1.5, "kernel": "velocity_matern32", "window_s": 40.0,

@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 
 import gbt_ocp as gbt
-from gbt_ocp.experiments.faults import ConfigurationError
-from gbt_ocp.experiments.studies import STUDIES, comparison, fig5, tuning
-from gbt_ocp.experiments.studies.methods import FULL_POSITIONS, GBT, PAPER, PLANE, POLYNOMIAL_SETTLED, SPACE, methods
-from gbt_ocp.experiments.studies.reproducing import reproduce
-from gbt_ocp.experiments.studies.workbench import Finding, Report, Workbench
+from gbt_ocp.experiments.config.faults import ConfigurationError
+from gbt_ocp.experiments.sweep.carry_out import Sweep
 from gbt_ocp.experiments.sweep.engines import Serial
 from gbt_ocp.experiments.sweep.plan import SweepPlan
-from gbt_ocp.experiments.sweep.sweeping import Sweep
+from gbt_ocp.files import packaged_text
+from gbt_ocp.studies.paper import STUDIES, fig5, tuning
+from gbt_ocp.studies.paper import method_tables as comparison
+from gbt_ocp.studies.paper.methods import FULL_POSITIONS, GBT, PAPER, PLANE, POLYNOMIAL_SETTLED, SPACE, methods
+from gbt_ocp.studies.paper.reproduce import reproduce
+from gbt_ocp.studies.paper.workbench import Finding, Report, Workbench
 
 
 class Made(Workbench):
@@ -38,7 +40,7 @@ def made(tmp_path):
 
 def test_every_study_can_be_conducted_and_the_table_of_the_document_has_it():
     for name in STUDIES:
-        assert callable(import_module(f"gbt_ocp.experiments.studies.{name}").conduct)
+        assert callable(import_module(f"gbt_ocp.studies.paper.{name}").conduct)
 
 
 def test_the_grids_are_the_papers():
@@ -133,7 +135,7 @@ def test_tables_rank_and_findings_follow_from_the_rows(made, monkeypatch):
     orders = {(POLYNOMIAL_SETTLED, case): {"tracker.order": 5} for case in PLANE}
     monkeypatch.setattr(tuning, "shipped", lambda: orders)
     bench = Made(made.folder, made.seeds, Serial())
-    report = import_module("gbt_ocp.experiments.studies.table2").conduct(bench)
+    report = import_module("gbt_ocp.studies.paper.table2").conduct(bench)
     rows = {(row[0], row[1]): row for row in report.tables["table2"].rows}
     assert rows["case2", GBT][2].mean == pytest.approx(0.05)
     assert rows["case2", GBT][2].std == pytest.approx(0.001)
@@ -150,7 +152,7 @@ def test_tables_rank_and_findings_follow_from_the_rows(made, monkeypatch):
     assert held["case2: PR within a factor 2 of the paper's cell."]
     # with the same parameters both polynomial rows are the same runs
     orders.clear()
-    report = import_module("gbt_ocp.experiments.studies.table2").conduct(bench)
+    report = import_module("gbt_ocp.studies.paper.table2").conduct(bench)
     rows = {(row[0], row[1]): row for row in report.tables["table2"].rows}
     assert rows["case2", POLYNOMIAL_SETTLED][2:6:3] == rows["case2", "PR"][2:6:3]
     assert not held["case2: PLKF within a factor 2 of the paper's cell."]
@@ -180,9 +182,7 @@ def test_parameters_are_shipped_for_every_method_and_case_and_lie_on_its_grids()
 
 
 def test_shipped_file_is_what_the_search_writes():
-    assert tuning.as_yaml(tuning.shipped()) == (tuning.files("gbt_ocp.experiments.studies") / tuning.SHIPPED).read_text(
-        encoding="utf-8"
-    )
+    assert tuning.as_yaml(tuning.shipped()) == packaged_text("gbt_ocp.studies.paper", tuning.SHIPPED)
 
 
 def test_reproduce_refuses_in_one_line(tmp_path):

@@ -14,14 +14,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gbt_ocp import cli
+from gbt_ocp.cli import main as cli
 from gbt_ocp.experiments import run as run_module
-from gbt_ocp.experiments.faults import ConfigurationError
+from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.result import Result
-from gbt_ocp.experiments.sweep import execution, sweeping
+from gbt_ocp.experiments.sweep import carry_out as sweeping
+from gbt_ocp.experiments.sweep import execution
+from gbt_ocp.experiments.sweep.carry_out import SweepInterrupted, sweep
 from gbt_ocp.experiments.sweep.engines import Serial, WorkerDiedError
 from gbt_ocp.experiments.sweep.plan import plan_sweep
-from gbt_ocp.experiments.sweep.sweeping import SweepInterrupted, sweep
 from gbt_ocp.experiments.sweep.table import WALL_CLOCK_COLUMNS, write_table
 
 SHORT = {"problem": "case1", "duration_s": 1.0, "guidance": {"kind": "random"}}
@@ -204,7 +205,7 @@ def test_single_arrays_can_be_kept_instead_of_histories(tmp_path):
 def die_at_seed_one(run, folder, **how):
     """Takes its process down, after it has begun as a run does."""
     if run.seed == 1:
-        with sweeping.run_folder.whole_folder(folder / run.identifier):
+        with sweeping.whole_folder(folder / run.identifier):
             os.kill(os.getpid(), signal.SIGKILL)
     return execution.execute(run, folder, **how)
 

@@ -2,8 +2,8 @@ import json
 
 import pytest
 
-from gbt_ocp.experiments.faults import ConfigurationError
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.config.faults import ConfigurationError
+from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.sweep.plan import SweepPlan, plan_sweep, read_axis, read_entries, variant
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from gbt_ocp.targets import MotionTarget, OrbitAngle, TrackTarget, case_target
+from gbt_ocp.models.targets import MotionTarget, OrbitAngle, TrackTarget, case_target
 
 TRACKS = Path(__file__).resolve().parents[2] / "shared" / "data" / "tracks"
 TIMES = np.linspace(0.0, 30.0, 61)

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gbt_ocp.experiments.studies import fig4, fig7, fig8, fig9
-from gbt_ocp.experiments.studies.measures import same_sign, window_correlation
-from gbt_ocp.experiments.studies.workbench import Workbench
 from gbt_ocp.experiments.sweep.engines import Serial
 from gbt_ocp.reporting import bands
+from gbt_ocp.studies.paper import fig4, fig7, fig8, fig9
+from gbt_ocp.studies.paper.measures import same_sign, window_correlation
+from gbt_ocp.studies.paper.workbench import Workbench
 
 RUNS = 3
 

@@ -7,8 +7,8 @@ import pytest
 import synthetic_run
 from scipy.stats import chi2
 
-from gbt_ocp.experiments.history import History
-from gbt_ocp.experiments.track_summary import squared_distances, track_numbers
+from gbt_ocp.simulation.history import History
+from gbt_ocp.simulation.track_summary import squared_distances, track_numbers
 
 
 def history(steps=201, ahead=10, **changes):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from gbt_ocp.bearings import unit_bearing
-from gbt_ocp.tracking.gp import GaussianProcessTracker
-from gbt_ocp.tracking.kernels import KERNELS
-from gbt_ocp.tracking.likelihood import LogLikelihood
+from gbt_ocp.models.bearings import unit_bearing
+from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
+from gbt_ocp.tracking.gp.kernels import KERNELS
+from gbt_ocp.tracking.gp.likelihood import LogLikelihood
 from gbt_ocp.tracking.window import Measurements
 
 

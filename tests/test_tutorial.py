@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gbt_ocp import cli
+from gbt_ocp.cli import main as cli
 from gbt_ocp.experiments.result import Result
 from gbt_ocp.experiments.run import run
 

@@ -8,12 +8,10 @@ from processes import forked
 from small_folders import KINDS, begin, go_on, little_to_do, result
 from test_run_folder import result as made_up
 
-from gbt_ocp import cli
-from gbt_ocp.experiments.faults import ConfigurationError
-from gbt_ocp.experiments.folder_lock import alone_in
-from gbt_ocp.experiments.run_folder import whole_folder
+from gbt_ocp.cli import main as cli
 from gbt_ocp.experiments.sweep import execution
 from gbt_ocp.experiments.sweep.plan import plan_sweep
+from gbt_ocp.files import FolderBusyError, alone_in, whole_folder
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="forks processes")
 
@@ -26,7 +24,7 @@ def small():
 
 def test_a_folder_is_held_by_one_and_released_at_the_end(tmp_path):
     with alone_in(tmp_path):
-        with pytest.raises(ConfigurationError, match="another process at work in it"), alone_in(tmp_path):
+        with pytest.raises(FolderBusyError, match="another process at work in it"), alone_in(tmp_path):
             pass
         assert list(tmp_path.iterdir()) == []
     with alone_in(tmp_path):
@@ -51,14 +49,14 @@ def test_a_folder_in_which_another_is_at_work_is_refused_and_left_alone(tmp_path
 
 def test_a_run_that_a_worker_of_a_killed_sweep_finishes_meanwhile_is_taken(tmp_path, monkeypatch):
     folder = tmp_path / "sweep"
-    whole = execution.run_folder.whole_folder
+    whole = execution.whole_folder
 
     def slower(target):
         with whole(target) as other:
             (other / "config.yaml").write_text("theirs")
         return whole(target)
 
-    monkeypatch.setattr(execution.run_folder, "whole_folder", slower)
+    monkeypatch.setattr(execution, "whole_folder", slower)
     (run,) = plan_sweep("case1", runs=1, overrides=["duration_s=0.2", "guidance.kind=random"]).runs()
     assert execution.execute(run, folder) is True
     assert (folder / "000000" / "config.yaml").read_text() == "theirs"

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from gbt_ocp.experiments import catalogue
-from gbt_ocp.experiments.configuration import schema
+from gbt_ocp.experiments.config import catalogue
+from gbt_ocp.experiments.config.schema import schema
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 import gbt_ocp as gbt
 from gbt_ocp.ocp import ThrustLimit, TrajectoryProblem
-from gbt_ocp.vehicles import PlanarPointMass
+from gbt_ocp.models.vehicles import PlanarPointMass
 
 result = gbt.run("case2", overrides=["duration_s=5"], seed=1)
 assert_type(result, gbt.Result)

@@ -4,8 +4,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.vehicles import (
+from gbt_ocp.models.vehicles import (
     DRAG_SMOOTHING,
     FALCON_2D,
     FALCON_3D,
@@ -15,6 +14,7 @@ from gbt_ocp.vehicles import (
     Unicycle,
     rotation,
 )
+from gbt_ocp.ocp.trajectory import FlatTrajectory
 
 PLANAR = FossenVehicle(FALCON_2D, (5000.0, 5000.0, 1500.0))
 SPATIAL = FossenVehicle(FALCON_3D, (5000.0, 5000.0, 5000.0, 1500.0))

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.bearings import unit_bearing
+from gbt_ocp.models.bearings import unit_bearing
 from gbt_ocp.tracking.window import Window
 
 both_dimensions = pytest.mark.parametrize("dimension", [2, 3])

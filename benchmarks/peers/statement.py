@@ -15,9 +15,9 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
+from gbt_ocp.models.vehicles import acceleration
 from gbt_ocp.ocp import ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.transcription import objective_function
-from gbt_ocp.vehicles import acceleration
 
 NAMES = {"opti": "CasADi Opti", "rockit": "rockit", "do_mpc": "do-mpc"}
 """Modules here, and what the tables call them."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp import TrackingProblem
-from gbt_ocp.ocp import BearingSimilarity
+from gbt_ocp.guidance.objectives import BearingSimilarity
 from gbt_ocp.ocp.trajectory import FlatPoint
 
 

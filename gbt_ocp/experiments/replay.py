@@ -7,61 +7,24 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gbt_ocp.bearings import tangent_basis
-from gbt_ocp.experiments import run_folder
-from gbt_ocp.experiments.build_trackers import build_tracker
-from gbt_ocp.experiments.configuration import Configuration
-from gbt_ocp.experiments.faults import ConfigurationError
-from gbt_ocp.experiments.loading import load_config
-from gbt_ocp.experiments.replay_log import BearingLog, read_log
-from gbt_ocp.experiments.replay_scores import scores
-from gbt_ocp.experiments.summary import installed_versions
-from gbt_ocp.tracking.protocol import PositionTracker, Tracker, relative_range_std
-
-Array = NDArray[np.float64]
+from gbt_ocp.experiments.bearing_log import read_log
+from gbt_ocp.experiments.build.trackers import build_tracker
+from gbt_ocp.experiments.config.faults import ConfigurationError
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.files import whole_folder
+from gbt_ocp.simulation import run_folder
+from gbt_ocp.simulation.replay import BearingLog, ReplayedTrack, _followed
+from gbt_ocp.simulation.replay_scores import scores
+from gbt_ocp.simulation.summary import installed_versions
+from gbt_ocp.tracking.protocol import PositionTracker
 
 SHIPPED = "replay"
 """The configuration that is taken where none is given."""
-
-
-@dataclass(frozen=True)
-class ReplayedTrack:
-    """What one tracker made of a log, at the time of each of its K bearings.
-
-    Attributes
-    ----------
-    name
-        Of the tracker.
-    times
-        ``(K,)`` in seconds.
-    mean, covariance
-        Position after the bearing, ``(K, d)`` in m and ``(K, d, d)`` in m²; NaN where the tracker has none.
-    ahead_mean, ahead_covariance
-        The same predicted ``ahead_s`` ahead.
-    residual
-        Measured bearing less the one predicted before it was known, in the tangent plane, ``(K, d-1)`` in radians.
-    seconds
-        Time the update took ``(K,)``.
-    """
-
-    name: str
-    times: Array
-    mean: Array
-    covariance: Array
-    ahead_mean: Array
-    ahead_covariance: Array
-    residual: Array
-    seconds: Array
-
-    def range_std_over_range(self, own: Array) -> Array:
-        """Posterior deviation of the range over the range, seen from ``own`` ``(K, d)``: ``(K,)``."""
-        return relative_range_std(self.mean, self.covariance, own)
 
 
 @dataclass(frozen=True)
@@ -77,7 +40,7 @@ class Replayed:
     tracks
         One a tracker.
     summary
-        Of each tracker by name (see :func:`~gbt_ocp.experiments.replay_scores.scores`), and what concerns all.
+        Of each tracker by name (see :func:`~gbt_ocp.simulation.replay_scores.scores`), and what concerns all.
     """
 
     configuration: Configuration
@@ -96,7 +59,7 @@ class Replayed:
         from gbt_ocp.reporting.replay import draw_replay, score_table  # matplotlib only when something is drawn
 
         final = Path(folder)
-        with run_folder.whole_folder(final) as temporary:
+        with whole_folder(final) as temporary:
             (temporary / run_folder.CONFIGURATION).write_text(self.configuration.to_yaml(), encoding="utf-8")
             run_folder.write_summary(temporary, self.summary)
             (temporary / "scores.md").write_text(score_table(self.summary).markdown() + "\n", encoding="utf-8")
@@ -104,7 +67,7 @@ class Replayed:
                 _write_track(temporary / f"{track.name}.csv", track, self.log)
             if figures:
                 (temporary / run_folder.FIGURES).mkdir()
-                for name, figure in draw_replay(self).items():
+                for name, figure in draw_replay(self.log, self.tracks, self.configuration.replay.score_from_s).items():
                     figure.savefig(temporary / run_folder.FIGURES / f"{name}.png", dpi=200)
         return final
 
@@ -124,7 +87,7 @@ def replay(
     Parameters
     ----------
     log
-        CSV file; see :func:`~gbt_ocp.experiments.replay_log.read_log`.
+        CSV file; see :func:`~gbt_ocp.experiments.bearing_log.read_log`.
     configuration
         As for :func:`gbt_ocp.run`; its sections ``tracker`` and ``replay`` count.
     trackers
@@ -215,40 +178,6 @@ def _trackers(
         else:
             found[name] = config
     return found
-
-
-def _followed(
-    name: str,
-    tracker: Tracker,
-    log: BearingLog,
-    ahead: float,
-    progress: Callable[[str, int, int], None] | None,
-) -> ReplayedTrack:
-    count, d = log.own.shape
-    means, covariances = np.empty((2, count, d)), np.empty((2, count, d, d))
-    residual, seconds = np.full((count, d - 1), np.nan), np.empty(count)
-    for k, t in enumerate(log.times):
-        if k:
-            residual[k] = _angle_from(tracker.predict([t]).mean[0] - log.own[k], log.bearings[k])
-        began = perf_counter()
-        tracker.update(t, log.bearings[k], log.own[k])
-        seconds[k] = perf_counter() - began
-        forecast = tracker.predict([t, t + ahead])
-        means[:, k], covariances[:, k] = forecast.mean, forecast.covariance
-        if progress is not None:
-            progress(name, k + 1, count)
-    return ReplayedTrack(name, log.times, means[0], covariances[0], means[1], covariances[1], residual, seconds)
-
-
-def _angle_from(line: Array, bearing: Array) -> Array:
-    """Angle from a line of sight to a bearing, along the tangent plane of the line ``(d-1,)`` in radians."""
-    distance = float(np.linalg.norm(line))
-    if not distance > 0.0 or not np.isfinite(distance):
-        return np.full(len(line) - 1, np.nan)
-    unit = line / distance
-    tangent = tangent_basis(unit).T @ bearing
-    sine = float(np.linalg.norm(tangent))
-    return np.asarray(tangent * (np.arctan2(sine, unit @ bearing) / sine if sine > 1e-12 else 1.0))
 
 
 def _write_track(path: Path, track: ReplayedTrack, log: BearingLog) -> None:

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import yaml
 
-from gbt_ocp.experiments import run_folder
-from gbt_ocp.experiments.history import History
+from gbt_ocp.files import whole_folder
+from gbt_ocp.simulation import run_folder
+from gbt_ocp.simulation.history import History
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,7 +78,7 @@ class Result:
         FileExistsError
             If ``folder`` is a file, or a folder that is not empty.
         """
-        with run_folder.whole_folder(folder) as temporary:
+        with whole_folder(folder) as temporary:
             self.write(temporary, figures=figures)
         return Path(folder)
 
@@ -109,19 +110,19 @@ class Result:
         return cls(RecordedConfiguration(text), history, run_folder.read_summary(path))
 
     def to_dataframe(self) -> DataFrame:
-        """The history as a ``pandas.DataFrame``, one row a step (see `gbt_ocp.experiments.tabular.dataframe`).
+        """The history as a ``pandas.DataFrame``, one row a step (see `gbt_ocp.simulation.tabular.dataframe`).
 
         Raises
         ------
         ImportError
             If pandas is not installed.
         """
-        from gbt_ocp.experiments.tabular import dataframe
+        from gbt_ocp.simulation.tabular import dataframe
 
         return dataframe(self.history)
 
     def to_xarray(self) -> Dataset:
-        """The history as an ``xarray.Dataset`` (see `gbt_ocp.experiments.tabular.dataset`); the numbers of the summary
+        """The history as an ``xarray.Dataset`` (see `gbt_ocp.simulation.tabular.dataset`); the numbers of the summary
         and the configuration are its attributes.
 
         Raises
@@ -129,7 +130,7 @@ class Result:
         ImportError
             If xarray is not installed.
         """
-        from gbt_ocp.experiments.tabular import dataset
+        from gbt_ocp.simulation.tabular import dataset
 
         numbers = {key: value for key, value in self.summary.items() if isinstance(value, int | float | str)}
         return dataset(self.history, {**numbers, "configuration": self.configuration.to_yaml()})

@@ -2,61 +2,29 @@
 
 from __future__ import annotations
 
-import signal
 import sys
-import threading
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from tqdm import tqdm
 
-from gbt_ocp.experiments.build import build_loop
-from gbt_ocp.experiments.build_desired import unreachable_bearings
-from gbt_ocp.experiments.configuration import Configuration
-from gbt_ocp.experiments.faults import ConfigurationError
-from gbt_ocp.experiments.history import History
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.build.desired import unreachable_bearings
+from gbt_ocp.experiments.build.loop import build_loop
+from gbt_ocp.experiments.config.faults import ConfigurationError
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.experiments.interrupts import interrupted_between_steps
 from gbt_ocp.experiments.result import Result
-from gbt_ocp.experiments.summary import installed_versions, summarise
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.guidance.startup import planner_of
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
-from gbt_ocp.simulation import simulate, step_count
-
-
-@contextmanager
-def interrupted_between_steps() -> Iterator[Callable[[], None]]:
-    """Yield a function that raises ``KeyboardInterrupt`` if Ctrl-C was pressed since; a second one is not waited for.
-
-    CasADi swallows an interrupt that arrives while IPOPT runs: the step fails, is answered by a fallback, and the run
-    goes on as if nothing had been said.
-    """
-    pressed = False
-
-    def remember(number: int, frame: object) -> None:
-        nonlocal pressed
-        if pressed:
-            raise KeyboardInterrupt
-        pressed = True
-
-    def check() -> None:
-        if pressed:
-            raise KeyboardInterrupt
-
-    if threading.current_thread() is not threading.main_thread():  # only the main thread gets signals
-        yield check
-        return
-    before = signal.signal(signal.SIGINT, remember)
-    try:
-        yield check
-    finally:
-        signal.signal(signal.SIGINT, before)
-    check()  # pressed after the last step: the runs that would follow must not go on
+from gbt_ocp.simulation.history import History
+from gbt_ocp.simulation.loop import simulate, step_count
+from gbt_ocp.simulation.summary import installed_versions, summarise
 
 
 def stalling_penalties(guidance: Guidance) -> list[str]:

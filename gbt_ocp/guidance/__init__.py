@@ -1,1 +1,39 @@
-"""Observer strategies: how the vehicle moves, behind one protocol."""
+"""What the vehicle wants of its bearings, and how it moves for it."""
+
+from gbt_ocp.guidance.circumnavigation import Circumnavigation
+from gbt_ocp.guidance.fim_placement import FimPlacement
+from gbt_ocp.guidance.helical import HelicalGuidance
+from gbt_ocp.guidance.information import FisherInformation, NearInformation, PosteriorVariance
+from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull, sigma_points
+from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
+from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
+from gbt_ocp.guidance.past import PastBearings
+from gbt_ocp.guidance.planned import PlannedMotion
+from gbt_ocp.guidance.protocol import BearingGuidance, Guidance, Placement
+from gbt_ocp.guidance.startup import CrossFirst
+from gbt_ocp.guidance.target_limits import FieldOfView, RangeLimits
+
+__all__ = [
+    "BearingGuidance",
+    "BearingSimilarity",
+    "Circumnavigation",
+    "ConstantForce",
+    "CrossFirst",
+    "FieldOfView",
+    "FimPlacement",
+    "FisherInformation",
+    "Guidance",
+    "HelicalGuidance",
+    "NearInformation",
+    "PacedBearing",
+    "PastBearings",
+    "Placement",
+    "PlannedMotion",
+    "PosteriorVariance",
+    "RandomThrust",
+    "RangeLimits",
+    "RangePull",
+    "Static",
+    "sigma_points",
+    "steady_speed",
+]

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gbt_ocp.bearings import DesiredBearing
 from gbt_ocp.guidance.protocol import Placement
+from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.tracking.protocol import Forecast
-
-Array = NDArray[np.float64]
+from gbt_ocp.typing import Array
 
 
 class FimPlacement:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gbt_ocp.guidance.inverse_dynamics import InverseDynamics
 from gbt_ocp.guidance.line_of_sight import LineOfSight
+from gbt_ocp.models.vehicles import Vehicle, rotation
 from gbt_ocp.tracking.protocol import Forecast
-from gbt_ocp.vehicles import Vehicle, rotation
-
-Array = NDArray[np.float64]
+from gbt_ocp.typing import Array
 
 
 def rotation_to(direction: Array) -> Array:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from gbt_ocp.vehicles import Vehicle
-
-Array = NDArray[np.float64]
+from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.typing import Array
 
 
 class InverseDynamics:

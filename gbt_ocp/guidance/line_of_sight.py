@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gbt_ocp.tracking.protocol import Forecast
-
-Array = NDArray[np.float64]
+from gbt_ocp.typing import Array
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.tracking.protocol import Forecast
-from gbt_ocp.vehicles import Vehicle
-
-Array = NDArray[np.float64]
+from gbt_ocp.typing import Array
 
 
 class Static:

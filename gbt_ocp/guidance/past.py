@@ -6,9 +6,9 @@ from collections import deque
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from gbt_ocp.typing import Array
 
 
 class PastBearings:
@@ -23,7 +23,7 @@ class PastBearings:
     share
         What one bearing counts, in planned ones: the sampling period over the length of a piece.
     weight
-        w(r) of a range in metres; see :class:`gbt_ocp.ocp.information.FisherInformation`.
+        w(r) of a range in metres; see :class:`gbt_ocp.guidance.information.FisherInformation`.
     """
 
     def __init__(self, dimension: int, span: float, share: float, weight: Callable[[float], float]) -> None:

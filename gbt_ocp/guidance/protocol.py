@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.tracking.protocol import Forecast
-
-Array = NDArray[np.float64]
+from gbt_ocp.typing import Array
 
 
 class Placement(NamedTuple):

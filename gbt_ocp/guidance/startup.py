@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gbt_ocp.bearings import DesiredBearing
 from gbt_ocp.guidance.inverse_dynamics import InverseDynamics
 from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.protocol import Guidance
+from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.tracking.protocol import Forecast
-from gbt_ocp.vehicles import Vehicle
-
-Array = NDArray[np.float64]
+from gbt_ocp.typing import Array
 
 LOST = 1.6
 """Factor on the deviation at which a vehicle that planned already crosses again."""

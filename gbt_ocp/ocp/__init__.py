@@ -1,39 +1,49 @@
 """The optimal-control toolbox: trajectory problems of flat vehicles, posed by verbs and solved again and again."""
 
-from gbt_ocp.ocp.constraints import Constraint, MovingConstraint, PathConstraint, ThrustLimit
-from gbt_ocp.ocp.information import FisherInformation, NearInformation, PosteriorVariance
-from gbt_ocp.ocp.motion_limits import SpeedLimit, YawRateLimit
-from gbt_ocp.ocp.objectives import BearingSimilarity, JointObjective, Moments, Objective, RangePull
-from gbt_ocp.ocp.plan import Plan
+from gbt_ocp.ocp.export.folder import write_c
+from gbt_ocp.ocp.limits import DepthLimits, KeepOut, KeepOutPolygon, SpeedLimit, ThrustLimit, YawRateLimit
+from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.problem import TrajectoryProblem
-from gbt_ocp.ocp.regions import DepthLimits, KeepOut, KeepOutPolygon
-from gbt_ocp.ocp.target_limits import FieldOfView, RangeLimits
+from gbt_ocp.ocp.shooting import ShootingPlanner
+from gbt_ocp.ocp.solvers.base import Solution, Solver
+from gbt_ocp.ocp.solvers.compiled import CompiledOptions
+from gbt_ocp.ocp.terms import (
+    Constraint,
+    FromMoments,
+    JointObjective,
+    LimitFromMoments,
+    Moments,
+    MovingConstraint,
+    Objective,
+    PathConstraint,
+)
 from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory
 
 __all__ = [
-    "BearingSimilarity",
+    "CompiledOptions",
     "Constraint",
     "DepthLimits",
-    "FieldOfView",
-    "FisherInformation",
     "FlatPoint",
     "FlatTrajectory",
+    "FromMoments",
     "JointObjective",
     "KeepOut",
     "KeepOutPolygon",
+    "LimitFromMoments",
     "Moments",
     "MovingConstraint",
-    "NearInformation",
     "Objective",
     "PathConstraint",
     "Plan",
     "Planner",
-    "PosteriorVariance",
-    "RangeLimits",
-    "RangePull",
+    "ShootingPlan",
+    "ShootingPlanner",
+    "Solution",
+    "Solver",
     "SpeedLimit",
     "ThrustLimit",
     "TrajectoryProblem",
     "YawRateLimit",
+    "write_c",
 ]

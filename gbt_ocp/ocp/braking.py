@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from gbt_ocp.ocp.problem import TrajectoryProblem
+from gbt_ocp.models.vehicles import drift
+from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import input_scale
-from gbt_ocp.vehicles import Vehicle, acceleration
-
-Array = NDArray[np.float64]
-
-
-def drift(vehicle: Vehicle, z: Any, dz: Any) -> Any:
-    """The acceleration z̈ ``(n,)`` without thrust, a CasADi expression."""
-    return acceleration(vehicle, z, dz, ca.SX.zeros(vehicle.thrust_max.size))
-
+from gbt_ocp.typing import Array
 
 SHARES = (0.0, *(0.5**k for k in range(10, -1, -1)))
 """How far from drifting to stopping: by halves, because a stop may take a thousand times the thrust there is."""
@@ -33,7 +25,7 @@ ROUNDS = 12
 
 
 class Check(Protocol):
-    """Finds how far a trajectory breaks the limits; see :class:`gbt_ocp.ocp.transcription.LimitCheck`."""
+    """Finds how far a trajectory breaks the limits; see :class:`gbt_ocp.ocp.check.LimitCheck`."""
 
     def __call__(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
         """Largest violation of each piece ``(p,)``."""
@@ -57,7 +49,7 @@ class BrakingPlanner:
         Of those that come first, none of which may be given up for the others; it is asked without parameters.
     """
 
-    def __init__(self, problem: TrajectoryProblem, check: Check, certain: Check | None = None) -> None:
+    def __init__(self, problem: ProblemData, check: Check, certain: Check | None = None) -> None:
         self._problem = problem
         self._check = check
         self._certain = certain

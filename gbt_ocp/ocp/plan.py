@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-
-Array = NDArray[np.float64]
+from gbt_ocp.typing import Array
 
 
 @dataclass(frozen=True)

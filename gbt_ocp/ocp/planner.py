@@ -3,30 +3,24 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.braking import BrakingPlanner
-from gbt_ocp.ocp.constraints import Constraint, MovingConstraint
+from gbt_ocp.ocp.check import LimitCheck
 from gbt_ocp.ocp.plan import Plan
-from gbt_ocp.ocp.problem import TrajectoryProblem
-from gbt_ocp.ocp.solvers import ChecksLimits, Solution, Solver
+from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.solvers.base import ChecksLimits, Solution, Solver
+from gbt_ocp.ocp.solvers.choice import make_solver
+from gbt_ocp.ocp.terms import Constraint, MovingConstraint
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.ocp.transcription import (
-    Binding,
-    LimitCheck,
-    constraint_function,
-    first_free_node,
-    input_scale,
-    objective_total,
-)
-
-Array = NDArray[np.float64]
+from gbt_ocp.ocp.transcription import constraint_function, first_free_node, input_scale, objective_total
+from gbt_ocp.typing import Array
 
 TIGHTENINGS = 4
 """How often the limits may be tightened in one step before the solution counts as failed."""
@@ -42,7 +36,7 @@ class _Attempt(NamedTuple):
     tightened: int
 
 
-def _of_thrust(problem: TrajectoryProblem, constraint: Constraint) -> bool:
+def _of_thrust(problem: ProblemData, constraint: Constraint) -> bool:
     """Whether the plan's own unknown moves the constraint from the first moment on, and no belief enters it."""
     return first_free_node(problem, constraint) == 0 and not isinstance(constraint, MovingConstraint)
 
@@ -53,17 +47,45 @@ class Planner:
     After every solve the true limits are checked on a fine grid. If the piece that will be executed breaks them
     between the nodes, the limits are tightened by what was found and the problem is solved again. A failed solve is
     answered, in this order, by the rest of the previous plan if its next piece keeps the limits, by a solve with the
-    hard limits on what is only believed as penalties (:attr:`~gbt_ocp.ocp.problem.TrajectoryProblem.relaxed`; at once
+    hard limits on what is only believed as penalties (:attr:`~gbt_ocp.ocp.problem_data.ProblemData.relaxed`; at once
     where such a limit is broken at the start already), by a cold solve, and by a braking plan. A failed solution is
     never executed and never a warm start.
 
-    Made by :meth:`TrajectoryProblem.compile`.
+    Parameters
+    ----------
+    problem
+        What to solve; everything that changes from step to step is a parameter of the solver, which is built once.
+    solver
+        ``ipopt``, ``compiled``, ``auto`` for the best one that is there, or a solver of one's own.
+    options
+        For the solver; those in a mapping under the name of a solver are for that solver only.
+    relaxed
+        Solver of :attr:`~gbt_ocp.ocp.problem_data.ProblemData.relaxed` beside a solver of one's own.
+
+    Raises
+    ------
+    ValueError
+        If the problem has no objective or the solver is unknown.
     """
 
-    def __init__(self, problem: TrajectoryProblem, solver: Solver, relaxed: Solver | None = None) -> None:
+    def __init__(
+        self,
+        problem: ProblemData,
+        solver: str | Solver = "auto",
+        options: Mapping[str, Any] | None = None,
+        *,
+        relaxed: Solver | None = None,
+    ) -> None:
+        if not problem.objectives:
+            raise ValueError("the problem has no objective; call maximize() first")
+        nearest = problem.relaxed
+        if isinstance(solver, str):
+            name, chosen = solver, options or {}
+            solver = make_solver(problem, name, chosen)
+            relaxed = None if nearest is None else make_solver(nearest, name, chosen)
         self.problem = problem
         self.solver = solver
-        self._relaxed = None if relaxed is None or problem.relaxed is None else Planner(problem.relaxed, relaxed)
+        self._relaxed = None if relaxed is None or nearest is None else Planner(nearest, relaxed)
         # what the start decides: constraints of place and speed, but not of thrust
         self._given = [
             (number, constraint, constraint_function(problem, constraint))
@@ -92,23 +114,6 @@ class Planner:
     @previous.setter
     def previous(self, trajectory: FlatTrajectory | None) -> None:
         self._previous = trajectory
-
-    def generate_c(self, folder: str | Path, steps: Sequence[Mapping[str, Any]] | None = None) -> Path:
-        """Write this planner as C99 that stands alone; see :func:`gbt_ocp.ocp.codegen.folder.write_folder`.
-
-        Raises
-        ------
-        ValueError
-            If the solver is not ``compiled``, the problem cannot be written as C, or ``steps`` are needed.
-        FileExistsError
-            If the folder is there and not empty.
-        """
-        from gbt_ocp.ocp.codegen.folder import write_folder
-        from gbt_ocp.ocp.compiled import CompiledSolver
-
-        if not isinstance(self.solver, CompiledSolver):
-            raise ValueError(f"generate_c: found solver {self.solver.name!r}; allowed: 'compiled'")
-        return write_folder(self.problem, self.solver.options, folder, steps)
 
     def objective(self, trajectory: FlatTrajectory, parameters: list[Array]) -> float:
         """The objective of any trajectory, without penalty."""

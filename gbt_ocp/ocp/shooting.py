@@ -22,18 +22,18 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gbt_ocp.ocp.constraints import ThrustLimit
-from gbt_ocp.ocp.ipopt import ipopt_function, solution_of
-from gbt_ocp.ocp.objectives import JointObjective
+from gbt_ocp.models.vehicles import acceleration
+from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.limits import ThrustLimit
 from gbt_ocp.ocp.plan import ShootingPlan
-from gbt_ocp.ocp.problem import TrajectoryProblem
-from gbt_ocp.ocp.solvers import Solution
-from gbt_ocp.ocp.transcription import Binding, objective_function
-from gbt_ocp.vehicles import acceleration
-
-Array = NDArray[np.float64]
+from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.solvers.base import Solution
+from gbt_ocp.ocp.solvers.ipopt import ipopt_function, solution_of
+from gbt_ocp.ocp.terms import JointObjective
+from gbt_ocp.ocp.transcription import objective_function
+from gbt_ocp.typing import Array
 
 SUBSTEPS = 4
 """Runge-Kutta steps over the time that an input is held."""
@@ -59,7 +59,7 @@ class ShootingPlanner:
     substeps
         Runge-Kutta steps over the time that an input is held.
     options
-        IPOPT's; they replace or join :data:`gbt_ocp.ocp.ipopt.DEFAULT_OPTIONS`.
+        IPOPT's; they replace or join :data:`gbt_ocp.ocp.solvers.ipopt.DEFAULT_OPTIONS`.
 
     Raises
     ------
@@ -76,7 +76,7 @@ class ShootingPlanner:
     every Runge-Kutta step otherwise."""
 
     def __init__(
-        self, problem: TrajectoryProblem, *, substeps: int = SUBSTEPS, options: Mapping[str, Any] | None = None
+        self, problem: ProblemData, *, substeps: int = SUBSTEPS, options: Mapping[str, Any] | None = None
     ) -> None:
         if not problem.objectives:
             raise ValueError("the problem has no objective; call maximize() first")
@@ -258,7 +258,7 @@ class ShootingPlanner:
         """One call of IPOPT from z and ż ``(2, n)`` and a guess of what is held ``(p holds, n)``.
 
         ``objectives`` are the parameters of each objective, one endpoint a column ``(size, p)``, as
-        :meth:`gbt_ocp.ocp.transcription.Binding.objective_parameters` gives them. The states start where the guess
+        :meth:`gbt_ocp.ocp.binding.Binding.objective_parameters` gives them. The states start where the guess
         leads.
         """
         states, _ = self._rollout(start.ravel(), guess.T)

@@ -9,20 +9,17 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from gbt_ocp.ocp.problem import PenaltyLimit, TrajectoryProblem
+from gbt_ocp.ocp.problem_data import PenaltyLimit, ProblemData
 from gbt_ocp.ocp.transcription import constraint_function, limit_size
-
-Array = NDArray[np.float64]
-
+from gbt_ocp.typing import Array
 
 STALLING = 100.0
 """Stiffness above which Newton steps on the printed penalty stall: in the sweeps of ``gbt-ocp compare`` IPOPT solved
 every problem below it, and ever fewer above."""
 
 
-def stiffness(problem: TrajectoryProblem, penalty: PenaltyLimit) -> float:
+def stiffness(problem: ProblemData, penalty: PenaltyLimit) -> float:
     """Curvature that one inner node adds on the kink, with the quantity in units of its limit: ``w_p T/n_c / (2ϖ)``.
 
     The objective changes by about one over an endpoint, and a scaled unknown moves the quantity by about one, so this
@@ -32,7 +29,7 @@ def stiffness(problem: TrajectoryProblem, penalty: PenaltyLimit) -> float:
     return penalty.weight * problem.period / penalty.nodes / (2.0 * penalty.width) * unit**2
 
 
-def kink_widths(problem: TrajectoryProblem, penalty: PenaltyLimit) -> Array:
+def kink_widths(problem: ProblemData, penalty: PenaltyLimit) -> Array:
     """How far the endpoint of a piece moves while a penalised quantity crosses its kink ``(n,)``, in units of z.
 
     The endpoint of a piece that moves by δ by the lowest derivative that is free, the m-th, changes z̈ at its end by

@@ -16,9 +16,9 @@ from math import factorial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from gbt_ocp.typing import Array
 
 
 class FlatPoint(NamedTuple):

@@ -8,28 +8,20 @@ are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from gbt_ocp.ocp.constraints import Constraint, MovingConstraint
-from gbt_ocp.ocp.objectives import JointObjective, Objective
-from gbt_ocp.ocp.penalty import smoothed_hinge, trapezoid_weights
-from gbt_ocp.ocp.problem import TrajectoryProblem
-from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory, propagate
-
-Array = NDArray[np.float64]
+from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective
+from gbt_ocp.ocp.trajectory import FlatPoint, propagate
+from gbt_ocp.typing import Array
 
 
-FINE_POINTS = 101
-"""Grid points a piece at which a finished trajectory is held against its limits, both ends included."""
-
-
-def input_scale(problem: TrajectoryProblem) -> Array:
+def input_scale(problem: ProblemData) -> Array:
     """Natural sizes of a piece's unknowns ``(freedoms,)``: what changes z̈ by its scale within a period."""
     orders = range(problem.joined, problem.degree + 1)
     return np.concatenate([problem.vehicle.acceleration_scale / problem.period ** (order - 2) for order in orders])
@@ -57,7 +49,7 @@ def constraint_value(constraint: Constraint, point: FlatPoint, stacked: Any) -> 
     return constraint.value(point, parameters)
 
 
-def constraint_function(problem: TrajectoryProblem, constraint: Constraint) -> ca.Function:
+def constraint_function(problem: ProblemData, constraint: Constraint) -> ca.Function:
     """(z, ż, z̈) -> the bounded quantities ``(m,)``; with the parameters as a fourth input where there are any."""
     point, stacked = point_symbols(problem.vehicle.flat_dimension), ca.SX.sym("p", limit_size(constraint))
     inputs = [*point, stacked] if stacked.numel() else [*point]
@@ -76,7 +68,7 @@ def between_knots(knots: Any, shares: Array) -> list[Any]:
     return [np.stack(parts, axis=1) if isinstance(knots, np.ndarray) else ca.horzcat(*parts)]
 
 
-def objective_function(problem: TrajectoryProblem, objective: Objective) -> ca.Function:
+def objective_function(problem: ProblemData, objective: Objective) -> ca.Function:
     """(z, ż, z̈, parameters) -> the term at one endpoint; the parameters are stacked column by column."""
     point = point_symbols(problem.vehicle.flat_dimension)
     parameters = {name: ca.SX.sym(name, *shape) for name, shape in objective.shapes.items()}
@@ -95,7 +87,7 @@ def unstacked(shapes: Mapping[str, tuple[int, int]], stacked: Any) -> dict[str, 
     return found
 
 
-def objective_total(problem: TrajectoryProblem, objective: Objective | JointObjective) -> ca.Function:
+def objective_total(problem: ProblemData, objective: Objective | JointObjective) -> ca.Function:
     """(Z, Ż, Z̈, parameters), one endpoint a column, -> the term of all endpoints together."""
     if not isinstance(objective, JointObjective):
         single = objective_function(problem, objective).map(problem.pieces)
@@ -112,13 +104,7 @@ def objective_total(problem: TrajectoryProblem, objective: Objective | JointObje
     return ca.Function("objective", [*ends, stacked], [objective.total(points, parameters)])
 
 
-def stack_parameters(term: Objective | JointObjective | MovingConstraint, bound: Mapping[str, Array]) -> Array:
-    """Numbers for the parameters of a term, one time a column ``(size, p)``, or ``(size, p+1)`` of a constraint."""
-    columns = [np.asarray(bound[name]).transpose(0, 2, 1).reshape(len(bound[name]), -1) for name in term.shapes]
-    return np.hstack(columns).T
-
-
-def first_free_node(problem: TrajectoryProblem, constraint: Constraint) -> int:
+def first_free_node(problem: ProblemData, constraint: Constraint) -> int:
     """The first node of a piece at which the piece's own unknown moves the constraint: 0 or 1.
 
     Where only z and ż are continuous the acceleration jumps at a boundary, so what depends on z̈ counts on both sides
@@ -174,7 +160,7 @@ class Transcription:
         }
 
 
-def transcribe(problem: TrajectoryProblem) -> Transcription:
+def transcribe(problem: ProblemData) -> Transcription:
     """Build the nonlinear program symbolically (MX, with map over the nodes)."""
     n, p, joined = problem.vehicle.flat_dimension, problem.pieces, problem.joined
     variables = ca.MX.sym("u", problem.freedoms * p)
@@ -252,115 +238,25 @@ def transcribe(problem: TrajectoryProblem) -> Transcription:
     )
 
 
-class Binding:
-    """Turns the start and the data of a solve into the parameter vector of a :class:`Transcription`."""
+def smoothed_hinge(x: Any, width: Any) -> Any:
+    """g(x): zero below -ϖ, x above ϖ, ``(x + ϖ)²/(4ϖ)`` between; continuously differentiable.
 
-    def __init__(self, problem: TrajectoryProblem) -> None:
-        self.problem = problem
-
-    def objective_parameters(self, data: Mapping[str, Any]) -> list[Array]:
-        """Parameters of each objective, one endpoint a column ``(size, p)``.
-
-        Raises
-        ------
-        ValueError
-            If something is missing, too short, or not finite.
-        """
-        return [self._bound(term, self.problem.pieces, data) for term in self.problem.objectives]
-
-    def limit_parameters(self, data: Mapping[str, Any]) -> list[Array]:
-        """Parameters of each constraint, one knot a column ``(size, p+1)``; an empty list if none has any.
-
-        Raises
-        ------
-        ValueError
-            As :meth:`objective_parameters`.
-        """
-        knots = self.problem.pieces + 1
-        if not any(limit_size(constraint) for constraint in self.problem.constraints):
-            return []
-        return [
-            self._bound(constraint, knots, data) if isinstance(constraint, MovingConstraint) else np.zeros((0, knots))
-            for constraint in self.problem.constraints
-        ]
-
-    def _bound(self, term: Objective | JointObjective | MovingConstraint, count: int, data: Mapping[str, Any]) -> Array:
-        values = term.bind(self.problem.pieces, data)
-        for name, shape in term.shapes.items():
-            found = np.shape(values[name])
-            if found != (count, *shape):
-                raise ValueError(f"{type(term).__name__}.{name}: shape {found}; allowed: {(count, *shape)}")
-            if not np.all(np.isfinite(values[name])):
-                raise ValueError(f"{type(term).__name__}.{name} is not finite")
-        return stack_parameters(term, values)
-
-    def vector(
-        self,
-        start: Array,
-        objectives: Sequence[Array],
-        penalties: Sequence[tuple[float, float]],
-        tightening: float,
-        limits: Sequence[Array] = (),
-    ) -> Array:
-        """The parameter vector, for these (ϖ, w_p) of each penalty."""
-        parts = [start.ravel(), *(values.T.ravel() for values in (*objectives, *limits))]
-        parts += [np.array([width, weight, tightening]) for width, weight in penalties]
-        return np.concatenate(parts)
-
-
-class LimitCheck:
-    """Evaluates the true limits of a trajectory on a fine grid.
-
-    What is given at the start, and no plan can change, is left out, and so is what is not judged
-    (:attr:`~gbt_ocp.ocp.problem.TrajectoryProblem.judged`).
-
-    Parameters
-    ----------
-    points
-        Grid points a piece, both ends included.
+    The paper prints ``(x - ϖ)²/(4ϖ)``, which jumps at both ends. Works on numbers and on CasADi expressions.
     """
+    clipped = ca.fmin(ca.fmax(x, -width), width)
+    return (clipped + width) ** 2 / (4.0 * width) + ca.fmax(x - width, 0.0)
 
-    def __init__(self, problem: TrajectoryProblem, points: int = FINE_POINTS) -> None:
-        self.points = points
-        judged = [number for number, counts in enumerate(problem.judged) if counts]
-        self._numbers = judged
-        self._constraints = [problem.constraints[number] for number in judged]
-        self._given = [first_free_node(problem, c) == 1 for c in self._constraints]
-        self._functions = [constraint_function(problem, c) for c in self._constraints]
-        self._mapped: dict[int, list[ca.Function]] = {}
 
-    def __call__(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
-        """Largest violation of each piece ``(p,)`` in units of the limits.
+def trapezoid_weights(intervals: int) -> Array:
+    """ω_0 … ω_{n_c} = (1/2, 1, …, 1, 1/2) ``(n_c+1,)``."""
+    weights = np.ones(intervals + 1)
+    weights[[0, -1]] = 0.5
+    return weights
 
-        Negative inside them, ``-inf`` without any; the trajectory may have any number of pieces.
 
-        Parameters
-        ----------
-        trajectory
-            What to check.
-        limits
-            Parameters of the constraints from the first knot of the trajectory on; see
-            :meth:`Binding.limit_parameters`. Needed where constraints have any.
-        """
-        return np.asarray(self.profile(trajectory, limits).max(axis=1))
+def continuation(width: float, weight: float) -> list[tuple[float, float]]:
+    """Stages (ϖ, w_p) that lead from an easy penalty to the one asked for, each solved from the last one's solution.
 
-    def profile(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
-        """Largest violation at each point of the grid ``(p, points)``, likewise."""
-        pieces = trajectory.pieces
-        if pieces not in self._mapped:
-            self._mapped[pieces] = [function.map(pieces * self.points) for function in self._functions]
-        worst = np.full((pieces, self.points), -np.inf)
-        point = trajectory.sample(self.points)
-        columns = [values.reshape(-1, values.shape[-1]).T for values in point]
-        shares = np.linspace(0.0, 1.0, self.points)
-        for number, constraint, given, function in zip(
-            self._numbers, self._constraints, self._given, self._mapped[pieces], strict=True
-        ):
-            moving = between_knots(limits[number][:, : pieces + 1], shares) if limits else []
-            values = np.asarray(function(*columns, *moving))
-            over = np.maximum(values - constraint.upper[:, None], constraint.lower[:, None] - values)
-            over = (over / constraint.scale[:, None]).max(axis=0).reshape(pieces, self.points)
-            if given:
-                over[0, 0] = -np.inf
-            worst = np.maximum(worst, over)
-        return worst
+    At ϖ = 0.01 and w_p = 1000 they are (0.5, 10), (0.1, 100), (0.01, 1000).
+    """
+    return [(50.0 * width, weight / 100.0), (10.0 * width, weight / 10.0), (width, weight)]

@@ -18,15 +18,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from PIL import Image
 
+from gbt_ocp.files import whole_file
 from gbt_ocp.reporting import style
 from gbt_ocp.reporting.animation_page import animation_page
 from gbt_ocp.reporting.scene import Scene, outline
-from gbt_ocp.reporting.whole_file import whole_file
-
-Array = NDArray[np.float64]
+from gbt_ocp.typing import Array
 
 KINDS = (".gif", ".mp4", ".html")
 

@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gbt_ocp.files import packaged_text
 from gbt_ocp.reporting.scene import Scene, confidence_radius
-from gbt_ocp.reporting.whole_file import packaged_text
 
-_FOLDER = "player"
+
+def _text(name: str) -> str:
+    return packaged_text("gbt_ocp.reporting", "player", name)
 
 
 def animation_page(scene: Scene) -> str:
@@ -24,12 +26,12 @@ def animation_page(scene: Scene) -> str:
     """
     # "</" would end the script element in the middle of a text.
     data = json.dumps(_data(scene), ensure_ascii=False).replace("</", "<\\/")
-    page = packaged_text(_FOLDER, "player.html")
+    page = _text("player.html")
     for mark, text in (
         ("{{title}}", html.escape(scene.title)),
-        ("{{style}}", packaged_text(_FOLDER, "player.css")),
+        ("{{style}}", _text("player.css")),
         ("{{data}}", data),
-        ("{{script}}", packaged_text(_FOLDER, "camera.js") + packaged_text(_FOLDER, "player.js")),
+        ("{{script}}", _text("camera.js") + _text("player.js")),
     ):
         page = page.replace(mark, text)
     return page

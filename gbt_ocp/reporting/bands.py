@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from gbt_ocp.reporting import style
-
-Array = NDArray[np.float64]
+from gbt_ocp.typing import Array
 
 QUANTILES = (0.1, 0.9)
 """Ends of the band."""

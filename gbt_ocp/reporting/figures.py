@@ -13,14 +13,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from gbt_ocp.experiments import run_folder
-from gbt_ocp.experiments.history import History
 from gbt_ocp.reporting import style
 from gbt_ocp.reporting.trajectories import trajectories
-
-Array = NDArray[np.float64]
+from gbt_ocp.simulation import run_folder
+from gbt_ocp.simulation.history import History
+from gbt_ocp.typing import Array
 
 _AXIS_NAMES = {3: ("surge", "sway", "yaw"), 4: ("surge", "sway", "heave", "yaw")}
 _ANSWERS: dict[str, dict[str, Any]] = {

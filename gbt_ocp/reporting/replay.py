@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
-from numpy.typing import NDArray
 
 from gbt_ocp.reporting import style
 from gbt_ocp.reporting.tables import Table
-
-if TYPE_CHECKING:
-    from gbt_ocp.experiments.replay import Replayed, ReplayedTrack
-
-Array = NDArray[np.float64]
+from gbt_ocp.simulation.replay import BearingLog, ReplayedTrack
 
 _LOOKS = ((style.BLUE, "-"), (style.VERMILLION, "--"), (style.GREEN, "-."), (style.PURPLE, ":"), (style.ORANGE, "-"))
 
@@ -68,26 +63,39 @@ def _percent(value: float | None) -> float | None:
     return None if value is None else round(100.0 * value, 1)
 
 
-def draw_replay(found: Replayed) -> dict[str, Figure]:
-    """Figures by name: ``track`` (seen from above), ``range`` (with its spread and the error), ``residuals``."""
+def draw_replay(log: BearingLog, tracks: Sequence[ReplayedTrack], score_from: float) -> dict[str, Figure]:
+    """Figures by name: ``track`` (seen from above), ``range`` (with its spread and the error), ``residuals``.
+
+    Parameters
+    ----------
+    log
+        The log.
+    tracks
+        What trackers made of it; the first is drawn with its uncertainty.
+    score_from
+        Time in seconds after the first bearing from which the ranges choose the limits of their axis.
+    """
     with style.styled():
-        return {"track": _track(found), "range": _range(found), "residuals": _residuals(found)}
+        return {
+            "track": _track(log, tracks),
+            "range": _range(log, tracks, score_from),
+            "residuals": _residuals(log, tracks),
+        }
 
 
-def _track(found: Replayed) -> Figure:
+def _track(log: BearingLog, tracks: Sequence[ReplayedTrack]) -> Figure:
     figure = style.new_figure(4.6)
     axes = figure.add_subplot()
-    log = found.log
     axes.plot(*log.own[:, :2].T, color=style.GREY, label="own vehicle")
     if log.truth is not None:
         axes.plot(*log.truth[:, :2].T, color=style.BLACK, linewidth=1.8, label="target")
     begin = int(SETTLING * len(log.times))
     points = [log.own[:, :2]] + ([log.truth[:, :2]] if log.truth is not None else [])
-    for track, (colour, line) in zip(found.tracks, _LOOKS, strict=False):
+    for track, (colour, line) in zip(tracks, _LOOKS, strict=False):
         axes.plot(*track.mean[begin:, :2].T, color=colour, linestyle=line, linewidth=1.0, label=track.name)
-        if track is found.tracks[0]:  # a baseline that leaves does not squeeze the others to a dot
+        if track is tracks[0]:  # a baseline that leaves does not squeeze the others to a dot
             points.append(track.mean[begin:, :2])
-    first = found.tracks[0]
+    first = tracks[0]
     for k in np.linspace(begin, len(log.times) - 1, ELLIPSES).astype(int):
         _ellipse(axes, first, int(k), _LOOKS[0][0])
     inside = np.concatenate([values[np.isfinite(values).all(axis=1)] for values in points])
@@ -112,8 +120,7 @@ def _ellipse(axes: Axes, track: ReplayedTrack, k: int, colour: str) -> None:
     axes.add_patch(Ellipse(tuple(track.mean[k, :2]), width, height, angle=angle, fill=False, color=colour, alpha=0.6))
 
 
-def _range(found: Replayed) -> Figure:
-    log = found.log
+def _range(log: BearingLog, tracks: Sequence[ReplayedTrack], score_from: float) -> Figure:
     figure = style.new_figure(5.2 if log.truth is not None else 4.0)
     rows = 3 if log.truth is not None else 2
     upper, middle, *lower = figure.subplots(rows, 1, sharex=True)
@@ -121,7 +128,7 @@ def _range(found: Replayed) -> Figure:
     if log.truth is not None:
         true = np.linalg.norm(log.truth - log.own, axis=1)
         upper.plot(t, true, color=style.BLACK, linewidth=1.8, label="target")
-    for number, (track, (colour, line)) in enumerate(zip(found.tracks, _LOOKS, strict=False)):
+    for number, (track, (colour, line)) in enumerate(zip(tracks, _LOOKS, strict=False)):
         distance = np.linalg.norm(track.mean - log.own, axis=1)
         relative = track.range_std_over_range(log.own)
         upper.plot(t, distance, color=colour, linestyle=line, label=track.name)
@@ -132,8 +139,8 @@ def _range(found: Replayed) -> Figure:
         if log.truth is not None:
             error = np.linalg.norm(track.mean - log.truth, axis=1) / true
             lower[0].plot(t, 100.0 * error, color=colour, linestyle=line)
-    settled = t >= found.configuration.replay.score_from_s
-    shown = [np.linalg.norm(track.mean - log.own, axis=1)[settled] for track in found.tracks[:1]]
+    settled = t >= score_from
+    shown = [np.linalg.norm(track.mean - log.own, axis=1)[settled] for track in tracks[:1]]
     top = np.nanmax(np.concatenate([*shown, [1.0]]))
     upper.set_ylim(0.0, 2.2 * top)
     middle.set_ylim(0.0, 1.5)
@@ -148,16 +155,16 @@ def _range(found: Replayed) -> Figure:
     return figure
 
 
-def _residuals(found: Replayed) -> Figure:
-    figure = style.new_figure(1.2 + 1.1 * len(found.tracks))
-    panels = np.atleast_1d(figure.subplots(len(found.tracks), 1, sharex=True, sharey=True))
-    t = found.log.times - found.log.times[0]
-    for axes, track, (colour, _) in zip(panels, found.tracks, (*_LOOKS, *_LOOKS), strict=False):
+def _residuals(log: BearingLog, tracks: Sequence[ReplayedTrack]) -> Figure:
+    figure = style.new_figure(1.2 + 1.1 * len(tracks))
+    panels = np.atleast_1d(figure.subplots(len(tracks), 1, sharex=True, sharey=True))
+    t = log.times - log.times[0]
+    for axes, track, (colour, _) in zip(panels, tracks, (*_LOOKS, *_LOOKS), strict=False):
         for values in np.rad2deg(track.residual).T:
             axes.plot(t, values, ".", color=colour, markersize=1.5)
         axes.set_title(track.name, loc="left")
         axes.set_ylabel("residual [deg]")
-    spread = [np.nanquantile(np.abs(np.rad2deg(track.residual)), 0.98) for track in found.tracks]
+    spread = [np.nanquantile(np.abs(np.rad2deg(track.residual)), 0.98) for track in tracks]
     panels[0].set_ylim(-1.3 * max(spread), 1.3 * max(spread))
     style.time_axis(panels[-1], float(t[-1]))
     return figure

@@ -15,10 +15,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from gbt_ocp.experiments import run_folder
-from gbt_ocp.experiments.history import History
+from gbt_ocp.files import packaged_text, whole_file
 from gbt_ocp.reporting.figures import draw_figures
-from gbt_ocp.reporting.whole_file import packaged_text, whole_file
+from gbt_ocp.simulation import run_folder
+from gbt_ocp.simulation.history import History
 
 MOST_FAILURES = 200
 """Failed solves that are listed one by one."""
@@ -113,7 +113,7 @@ def report_page(run_dir: str | os.PathLike[str]) -> str:
         "<p>Every default written out; <code>gbt-ocp run</code> with it gives the same run.</p>",
         f"<pre>{escape(text)}</pre>",
     ]
-    page = packaged_text("page", "report.html")
+    page = packaged_text("gbt_ocp.reporting", "page", "report.html")
     return page.replace("{{title}}", escape(title)).replace("{{body}}", "\n".join(body))
 
 

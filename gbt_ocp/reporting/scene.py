@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from gbt_ocp.experiments import run_folder
-from gbt_ocp.experiments.history import History
-
-Array = NDArray[np.float64]
+from gbt_ocp.simulation import run_folder
+from gbt_ocp.simulation.history import History
+from gbt_ocp.typing import Array
 
 CONFIDENCE = 0.95
 """Probability of the regions drawn around forecast positions."""

@@ -8,12 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
-from gbt_ocp.experiments.history import History
 from gbt_ocp.reporting import style
-
-Array = NDArray[np.float64]
+from gbt_ocp.simulation.history import History
+from gbt_ocp.typing import Array
 
 _PATHS: dict[str, dict[str, Any]] = {
     "vehicle": {"color": style.BLUE, "linestyle": "-", "linewidth": 0.9},

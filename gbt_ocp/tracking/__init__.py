@@ -1,1 +1,50 @@
-"""Trackers: estimators of the target's motion behind one protocol."""
+"""Trackers: bearings in, forecasts of the target's position out, behind one protocol."""
+
+from gbt_ocp.tracking.displacement.hypotheses import MotionPriors
+from gbt_ocp.tracking.displacement.tracker import NoisyGaussianProcessTracker
+from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, ImmExtendedTracker
+from gbt_ocp.tracking.filters.imm import ImmPositionTracker, ImmPseudoLinearTracker
+from gbt_ocp.tracking.filters.orthogonality import OrthogonalityTracker
+from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
+from gbt_ocp.tracking.filters.polynomial import PolynomialRegression
+from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
+from gbt_ocp.tracking.gp.lmc import CoregionalizedTracker
+from gbt_ocp.tracking.mixture import MixtureTracker
+from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.priors import LogNormal, PositionPrior
+from gbt_ocp.tracking.protocol import (
+    Forecast,
+    GaussianProcess,
+    JointForecast,
+    JointlyGaussian,
+    PositionTracker,
+    Tracker,
+)
+from gbt_ocp.tracking.shape.processes import ShapePrior
+from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
+
+__all__ = [
+    "BearingNoise",
+    "CoregionalizedTracker",
+    "ExtendedKalmanFilter",
+    "Forecast",
+    "GaussianProcess",
+    "GaussianProcessTracker",
+    "ImmExtendedTracker",
+    "ImmPositionTracker",
+    "ImmPseudoLinearTracker",
+    "JointForecast",
+    "JointlyGaussian",
+    "LogNormal",
+    "MixtureTracker",
+    "MotionPriors",
+    "MotionShapeTracker",
+    "NoisyGaussianProcessTracker",
+    "OrthogonalityTracker",
+    "PolynomialRegression",
+    "PositionPrior",
+    "PositionTracker",
+    "PseudoLinearKalmanFilter",
+    "ShapePrior",
+    "Tracker",
+]

@@ -12,10 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gbt_ocp.bearings import tangent_basis
+from gbt_ocp.models.bearings import tangent_basis
 from gbt_ocp.tracking.window import checked_sample
-
-Array = NDArray[np.float64]
+from gbt_ocp.typing import Array
 
 
 @dataclass(frozen=True)

@@ -25,20 +25,18 @@ from __future__ import annotations
 from collections import deque
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import digamma, polygamma
 
-from gbt_ocp.tracking.bearing_noise import BearingNoise
 from gbt_ocp.tracking.bins import BinnedBearings
-from gbt_ocp.tracking.likelihood import LogNormal
-from gbt_ocp.tracking.motion_gp import MotionShapeTracker
-from gbt_ocp.tracking.noisy_gp import NoisyGaussianProcessTracker
+from gbt_ocp.tracking.displacement.rows import linearised, row_covariance
+from gbt_ocp.tracking.displacement.tracker import NoisyGaussianProcessTracker
+from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, Tracker, mixed, relative_range_std
-from gbt_ocp.tracking.relinearised import linearised, row_covariance
-from gbt_ocp.tracking.shape_processes import LogNormalPrior
+from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
 from gbt_ocp.tracking.window import checked_sample
-
-Array = NDArray[np.float64]
+from gbt_ocp.typing import Array
 
 ASTRAY = 0.01
 """Probability that a bin says nothing of the target: no single one decides between the models."""
@@ -50,7 +48,7 @@ LEAST_SPREAD = 0.3
 """Least standard deviation of the logarithm of the velocity's scale."""
 
 
-def velocity_scale(speed: LogNormalPrior, dimension: int) -> LogNormal:
+def velocity_scale(speed: LogNormal, dimension: int) -> LogNormal:
     """Prior of the scale of a velocity process under which the speed has the logarithm's mean and variance of a prior.
 
     With d independent components of deviation s the speed is s χ_d, and log χ_d has the mean (log 2 + ψ(d/2))/2 and the

@@ -6,11 +6,10 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gbt_ocp.bearings import cumulative_bearing_matrix, tangent_basis
-
-Array = NDArray[np.float64]
+from gbt_ocp.models.bearings import cumulative_bearing_matrix, tangent_basis
+from gbt_ocp.typing import Array
 
 
 @dataclass(frozen=True)

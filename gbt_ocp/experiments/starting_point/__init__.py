@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.resources import files
 from pathlib import Path
 
-from gbt_ocp.experiments.faults import ConfigurationError
+from gbt_ocp.experiments.config.faults import ConfigurationError
 
 
 def write_problem(path: Path) -> Path:

@@ -51,7 +51,7 @@ problem = TrackingProblem(
         #   "limits": {"speed": 3.0, "keep_out": [{"centre_m": [2.0, 3.0], "radius_m": 0.5}], "hard": ["keep_out"]},
     },
     # Three more fields change more than numbers; the tutorial has a file for each:
-    #   vehicle=...    a function that makes a gbt_ocp.vehicles.Vehicle
+    #   vehicle=...    a function that makes a gbt_ocp.models.vehicles.Vehicle
     #   objective=...  a function that makes what the planner maximises
     #   constrain=...  a function that puts a constraint of yours on the planner's problem
 )

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gbt_ocp.experiments import run_folder
-from gbt_ocp.experiments.configuration import Configuration
+from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.sweep.plan import PlannedRun
+from gbt_ocp.files import whole_folder
+from gbt_ocp.simulation import run_folder
 
 FAILURE = "failure.json"
 """Stands in the folder of a failed run in place of its summary."""
@@ -41,7 +42,7 @@ def execute(run: PlannedRun, folder: Path, histories: bool = True, arrays: tuple
 
     configuration, own = run.configuration, folder / run.identifier
     try:
-        with run_folder.whole_folder(own) as temporary:
+        with whole_folder(own) as temporary:
             try:
                 result = run_experiment(configuration)
             except Exception as fault:
@@ -60,7 +61,7 @@ def execute(run: PlannedRun, folder: Path, histories: bool = True, arrays: tuple
 
 def record_lost(run: PlannedRun, folder: Path) -> None:
     """Record a run that took its process down with it."""
-    with run_folder.whole_folder(folder / run.identifier) as temporary:
+    with whole_folder(folder / run.identifier) as temporary:
         error = "the process died during the run (killed, out of memory, or a crash)"
         _write_failure(temporary, run.configuration, error, "")
 

@@ -13,11 +13,11 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from gbt_ocp.experiments import dialect
-from gbt_ocp.experiments.configuration import Configuration
-from gbt_ocp.experiments.faults import ConfigurationError, shown
-from gbt_ocp.experiments.history import History
-from gbt_ocp.experiments.loading import load_config
+from gbt_ocp.experiments.config import yaml_dialect as dialect
+from gbt_ocp.experiments.config.faults import ConfigurationError, shown
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.simulation.history import History
 
 FORMAT = 1
 """Version of the file that holds a plan."""
@@ -73,7 +73,7 @@ class SweepPlan:
     histories
         Whether run folders keep ``history.npz``.
     arrays
-        Attributes of :class:`~gbt_ocp.experiments.history.History` that run folders keep in ``arrays.npz``: a hundredth
+        Attributes of :class:`~gbt_ocp.simulation.history.History` that run folders keep in ``arrays.npz``: a hundredth
         of a history where a figure needs no more.
     """
 

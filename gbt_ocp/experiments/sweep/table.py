@@ -10,9 +10,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from gbt_ocp.experiments import run_folder
 from gbt_ocp.experiments.sweep.execution import FAILURE
 from gbt_ocp.experiments.sweep.plan import PlannedRun
+from gbt_ocp.files import PARTIAL
+from gbt_ocp.simulation import run_folder
 
 TABLE = "runs.csv"
 PARQUET = "runs.parquet"
@@ -90,7 +91,7 @@ def write_table(folder: Path, rows: Sequence[Row]) -> None:
 
 @contextmanager
 def _whole_file(target: Path) -> Iterator[Path]:
-    temporary = target.with_name(f".{target.name}{run_folder.PARTIAL}{os.getpid()}")
+    temporary = target.with_name(f".{target.name}{PARTIAL}{os.getpid()}")
     try:
         yield temporary
         os.replace(temporary, target)

@@ -1,0 +1,58 @@
+"""Writes the Python reference, ``docs/api.md`` and a page a room in ``docs/api/``, from what the rooms make public.
+
+python docs/write_api.py
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from inspect import getdoc
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parent
+
+ROOMS = {
+    "gbt_ocp": "Experiments",
+    "gbt_ocp.ocp": "Trajectory problems",
+    "gbt_ocp.guidance": "Guidance",
+    "gbt_ocp.tracking": "Tracking",
+    "gbt_ocp.models": "Bearings, vehicles, targets, sensor",
+    "gbt_ocp.simulation": "The closed loop",
+    "gbt_ocp.reporting": "Figures and pages",
+}
+"""Public rooms in the order of the reference, with the titles of their pages."""
+
+
+def page_of(room: str) -> str:
+    """File name of a room's page."""
+    return f"{room.rpartition('.')[2]}.md"
+
+
+def first_line(documented: object) -> str:
+    """The sentence with which a docstring begins."""
+    return (getdoc(documented) or "").partition("\n\n")[0].replace("\n", " ")
+
+
+def pages() -> dict[str, str]:
+    """Text of each page by its path below ``docs/``."""
+    found, index = {}, ["# Python reference", ""]
+    index += [
+        "Shapes are in brackets, time first; units are SI, angles in radians. Symbols are those of the paper.",
+        "",
+    ]
+    index += ["| page | module | what it has |", "|---|---|---|"]
+    for room, title in ROOMS.items():
+        module = import_module(room)
+        names = sorted(module.__all__, key=str.casefold)
+        shown = ", ".join(f"`{name}`" for name in names)
+        index.append(f"| [{title}](api/{page_of(room)}) | `{room}` | {shown} |")
+        lines = [f"# {title}", "", f"`{room}`: {first_line(module)[:1].lower()}{first_line(module)[1:]}", ""]
+        lines += [line for name in names for line in (f"::: {room}.{name}", "")]
+        found[f"api/{page_of(room)}"] = "\n".join(lines)
+    return {"api.md": "\n".join([*index, ""]), **found}
+
+
+if __name__ == "__main__":
+    for name, text in pages().items():
+        (DOCS / name).parent.mkdir(exist_ok=True)
+        (DOCS / name).write_text(text, encoding="utf-8")

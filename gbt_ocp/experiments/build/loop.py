@@ -1,0 +1,284 @@
+"""From a checked configuration to the parts of a closed loop."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from gbt_ocp.experiments.build.desired import build_desired_bearing
+from gbt_ocp.experiments.build.limits import with_limits
+from gbt_ocp.experiments.build.objective import build_joint, build_objective, build_past
+from gbt_ocp.experiments.build.trackers import build_tracker
+from gbt_ocp.experiments.config.guidance import (
+    CircumnavigationGuidance,
+    ConstantForceGuidance,
+    FimPlacementGuidance,
+    RandomGuidance,
+    StaticGuidance,
+)
+from gbt_ocp.experiments.config.guidance import HelicalGuidance as HelicalSection
+from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.experiments.config.target import TrackTarget, TurningTarget
+from gbt_ocp.experiments.config.vehicle import FossenVehicle, VehicleParameters
+from gbt_ocp.guidance.circumnavigation import Circumnavigation
+from gbt_ocp.guidance.fim_placement import FimPlacement
+from gbt_ocp.guidance.helical import HelicalGuidance
+from gbt_ocp.guidance.objectives import RangePull
+from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
+from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
+from gbt_ocp.guidance.planned import PlannedMotion
+from gbt_ocp.guidance.protocol import Guidance
+from gbt_ocp.guidance.startup import CrossFirst
+from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.sensors import BearingSensor
+from gbt_ocp.models.targets import Target, case_target
+from gbt_ocp.models.targets import TrackTarget as RecordedTarget
+from gbt_ocp.models.targets import TurningTarget as RandomTurns
+from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenParameters, Vehicle
+from gbt_ocp.models.vehicles import FossenVehicle as Fossen
+from gbt_ocp.ocp import Planner, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.problem_data import joined_derivatives
+from gbt_ocp.simulation.loop import ClosedLoop
+from gbt_ocp.tracking.protocol import PositionTracker, Tracker
+from gbt_ocp.typing import Array
+
+
+@dataclass(frozen=True)
+class Streams:
+    """Independent random streams of one seed: a change of the sensor's noise does not move the start."""
+
+    start: np.random.Generator
+    sensor: np.random.Generator
+    guidance: np.random.Generator
+    target: np.random.Generator
+
+    @classmethod
+    def of(cls, seed: int) -> Streams:
+        """The streams of a seed."""
+        return cls(*(np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(4)))
+
+
+def build_target(configuration: Configuration, rng: np.random.Generator | None = None) -> Target:
+    """The target's motion; ``rng`` for one that is drawn, by default that of the configuration's seed."""
+    section = configuration.target
+    if isinstance(section, TurningTarget):
+        return RandomTurns(
+            configuration.dimension,
+            Streams.of(configuration.seed).target if rng is None else rng,
+            duration=configuration.duration_s + configuration.tracker.forecast * configuration.forecast_period,
+            start=section.start_m or np.zeros(configuration.dimension),
+            speed=section.speed,
+            speed_std=section.speed_std,
+            turn_rate_max=section.turn_rate_max,
+            hold=section.hold_s,
+            climb_rate_max=section.climb_rate_max,
+        )
+    if isinstance(section, TrackTarget):
+        return RecordedTarget.from_csv(
+            section.path,
+            configuration.dimension,
+            length_scale=section.length_scale,
+            time_scale=section.time_scale,
+            start=section.start_m,
+            start_time=section.start_time_s,
+        )
+    if section.kind == "problem":
+        factory = configuration.problem_object.target
+        return cast(Target, factory())  # type: ignore[operator]  # checked when the configuration was read
+    step = getattr(section, "turn_rate_step", 0.0)
+    return case_target(int(section.kind[-1]), turn_rate_step=step, every_s=getattr(section, "every_s", 10.0))
+
+
+def build_vehicle(configuration: Configuration) -> Vehicle:
+    """The vehicle."""
+    section = configuration.vehicle
+    if not isinstance(section, FossenVehicle):
+        factory = configuration.problem_object.vehicle
+        assert factory is not None, "checked when the configuration was read"
+        return cast(Vehicle, factory())
+    given = section.parameters
+    if isinstance(given, VehicleParameters):
+        parameters = FossenParameters(
+            given.mass, given.inertia, given.added_mass, given.linear_drag, given.quadratic_drag
+        )
+    else:
+        parameters = FALCON_2D if configuration.dimension == 2 else FALCON_3D
+    return Fossen(parameters, section.thrust_max)
+
+
+def paced(configuration: Configuration, desired: DesiredBearing, vehicle: Vehicle) -> DesiredBearing | PacedBearing:
+    """λ*(t) as the planner follows it: slowed down for a far target if that is asked for, or bearings are noisy."""
+    speed = configuration.desired_bearing.speed_mps
+    if speed == "sensor":
+        speed = steady_speed(vehicle) if configuration.sensor.noise_deg > 0.0 else None
+    # a turn that begins anew at the line of sight in each plan needs no slowing down
+    anew = configuration.desired_bearing.phase == "measured"
+    if speed is None or anew or configuration.guidance.kind != "planner":
+        return desired
+    return PacedBearing(desired, speed)
+
+
+def build_sensor(configuration: Configuration) -> BearingSensor:
+    """The bearing sensor."""
+    section = configuration.sensor
+    return BearingSensor(
+        section.period_s,
+        math.radians(section.noise_deg),
+        section.missed_probability,
+        math.radians(section.outlier_deg),
+        section.outlier_every_s,
+        section.latency_s,
+    )
+
+
+def build_problem(configuration: Configuration, vehicle: Vehicle) -> TrajectoryProblem:
+    """The trajectory problem in the formulation that is asked for."""
+    section, dimension = configuration.planner, configuration.dimension
+    period = section.period_s or configuration.sensor.period_s
+    problem = TrajectoryProblem(vehicle, section.pieces, period, section.degree, section.continuity)
+    problem = problem.maximize(build_objective(configuration))
+    if section.range_pull > 0.0:
+        problem = problem.maximize(RangePull(dimension, section.range_pull, section.range_reference_m))
+    limit = ThrustLimit(vehicle, section.gamma, section.thrust_units)
+    if section.formulation == "hard":
+        problem = problem.subject_to(limit, nodes=section.nodes)
+    else:
+        problem = problem.subject_to_penalty(limit, weight=section.weight, width=section.width, nodes=section.nodes)
+    problem = with_limits(problem, configuration)
+    more = configuration.problem_object.constrain
+    if more is None:
+        return problem
+    constrained = more(problem)
+    if not isinstance(constrained, TrajectoryProblem):
+        raise ValueError(f"constrain: found a {type(constrained).__name__} returned; allowed: a TrajectoryProblem")
+    return constrained
+
+
+def build_planner(configuration: Configuration, vehicle: Vehicle) -> Planner:
+    """The planner with its solver."""
+    section = configuration.planner
+    return build_problem(configuration, vehicle).compile(section.solver, section.solver_options)
+
+
+def build_guidance(
+    configuration: Configuration,
+    vehicle: Vehicle,
+    desired: DesiredBearing | PacedBearing,
+    rng: np.random.Generator,
+    tracker: Tracker | PositionTracker | None = None,
+) -> Guidance:
+    """The observer strategy; the tracker for a plan whose objective asks it for more than a forecast."""
+    section = configuration.guidance
+    if isinstance(section, StaticGuidance):
+        return Static(vehicle)
+    if isinstance(section, ConstantForceGuidance):
+        return ConstantForce(vehicle, section.force)
+    if isinstance(section, RandomGuidance):
+        return RandomThrust(vehicle, section.hold_s, rng)
+    period = configuration.sensor.period_s
+    if isinstance(section, CircumnavigationGuidance):
+        return Circumnavigation(
+            vehicle, period, speed=section.speed, radial_gain=section.radial_gain, standoff=section.standoff_m
+        )
+    if isinstance(section, FimPlacementGuidance):
+        assert isinstance(desired, DesiredBearing), "only the planner's bearing is paced"
+        return FimPlacement(desired, period, standoff=section.standoff_m)
+    if isinstance(section, HelicalSection):
+        return HelicalGuidance(
+            vehicle,
+            period,
+            gain=section.gain,
+            amplitude_z=section.amplitude_z,
+            amplitude_y=section.amplitude_y,
+            frequency=section.frequency,
+            standoff=section.standoff_m,
+            range_gain=section.range_gain,
+            range_damping=section.range_damping,
+        )
+    planner = build_planner(configuration, vehicle)
+    objective = planner.problem.objectives[0]
+    planned = PlannedMotion(
+        planner,
+        desired,
+        configuration.steps_a_piece,
+        stride=configuration.forecasts_a_piece,
+        begin_at_sight=configuration.desired_bearing.phase == "measured",
+        past=build_past(configuration, objective),
+        joint=build_joint(configuration, objective, tracker),
+    )
+    if section.startup_deviation == 0.0:
+        return planned
+    return CrossFirst(
+        planned,
+        vehicle,
+        period,
+        axis=configuration.desired_bearing.axis or (0.0, 0.0, 1.0),
+        deviation=section.startup_deviation,
+        speed=section.startup_speed,
+        opening=section.startup_opening,
+        leg=section.startup_leg_s,
+    )
+
+
+def build_start(configuration: Configuration, vehicle: Vehicle, rng: np.random.Generator, target: Array) -> Array:
+    """The continuous derivatives of the flat output at the start ``(k+1, n)``: at rest, at a given place.
+
+    Or somewhere in the box, or at a given distance from where the target starts, ``target`` ``(d,)``; in space within
+    30° of its level.
+    """
+    section, d = configuration.vehicle.start, configuration.dimension
+    place = rng.uniform(-section.box_m, section.box_m, d)
+    if section.range_m is not None:
+        azimuth, elevation = rng.uniform(-math.pi, math.pi), rng.uniform(-0.5, 0.5) if d == 3 else 0.0
+        level = math.sqrt(1.0 - elevation**2)
+        away = [level * math.cos(azimuth), level * math.sin(azimuth), elevation]
+        place = target + section.range_m * np.array(away[:d])
+    plan = configuration.planner
+    flat = np.zeros((joined_derivatives(plan.degree, plan.continuity), vehicle.flat_dimension))
+    flat[0, :d] = place if section.position_m is None else section.position_m
+    if vehicle.flat_dimension > configuration.dimension:
+        flat[0, configuration.dimension] = math.radians(section.yaw_deg)
+    return flat
+
+
+def _check_own(configuration: Configuration, target: Target, vehicle: Vehicle) -> None:
+    """Refuse a problem's own target or vehicle that does not fit the problem, before it fails far from its cause."""
+    wanted = configuration.dimension
+    found = np.shape(target.position(np.zeros(2)))
+    if found != (2, wanted):
+        raise ValueError(f"target: position of 2 times has shape {found}; allowed: {(2, wanted)}, (K, d)")
+    if target.dimension != wanted:
+        raise ValueError(f"target: found dimension {target.dimension}; allowed: {wanted}, the problem's")
+    if vehicle.position_dimension != wanted:
+        raise ValueError(
+            f"vehicle: found position_dimension {vehicle.position_dimension}; allowed: {wanted}, the problem's"
+        )
+
+
+def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
+    """The closed loop of a configuration, and where the vehicle starts ``(L, n)``."""
+    streams = Streams.of(configuration.seed)
+    vehicle = build_vehicle(configuration)
+    target = build_target(configuration, streams.target)
+    _check_own(configuration, target, vehicle)
+    desired = paced(configuration, build_desired_bearing(configuration, vehicle), vehicle)
+    start = build_start(configuration, vehicle, streams.start, target.position(0.0))
+    tracker = build_tracker(configuration, start[0, : configuration.dimension])
+    loop = ClosedLoop(
+        target=target,
+        sensor=build_sensor(configuration),
+        tracker=tracker,
+        guidance=build_guidance(configuration, vehicle, desired, streams.guidance, tracker),
+        vehicle=vehicle,
+        desired=desired,
+        window=configuration.tracker.window,
+        forecast=configuration.tracker.forecast,
+        forecast_period=configuration.forecast_period,
+        follow=configuration.vehicle.follow,
+        bound_delta=getattr(configuration.tracker, "bound_delta", math.nan),
+        rng=streams.sensor,
+    )
+    return loop, start

@@ -1,0 +1,61 @@
+"""From ``planner.objective`` to a term of the trajectory problem, and what it needs beside a forecast."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import cast
+
+from numpy.typing import ArrayLike
+
+from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.guidance.information import Criterion, FisherInformation, NearInformation, PosteriorVariance
+from gbt_ocp.guidance.objectives import BearingSimilarity
+from gbt_ocp.guidance.past import PastBearings
+from gbt_ocp.ocp import JointObjective, Objective
+from gbt_ocp.tracking.protocol import JointForecast, JointlyGaussian, PositionTracker, Tracker
+
+
+def build_objective(configuration: Configuration) -> Objective | JointObjective:
+    """What the plan maximises: the problem's own objective, or the one that is asked for."""
+    section, d = configuration.planner, configuration.dimension
+    own = configuration.problem_object.objective
+    if own is not None:
+        return cast(Objective, own())
+    if section.objective == "similarity":
+        return BearingSimilarity(d, section.kappa, section.similarity == "axial")
+    if section.objective == "fisher_trace":
+        return NearInformation(d, section.range_reference_m)
+    if section.objective == "posterior_variance":
+        return PosteriorVariance(d, section.pieces)
+    criterion = cast(Criterion, section.objective.removeprefix("fisher_"))
+    return FisherInformation(d, criterion, section.range_reference_m)
+
+
+def build_past(configuration: Configuration, objective: Objective | JointObjective) -> PastBearings | None:
+    """Where the window's bearings are kept, for an objective that counts them."""
+    if not isinstance(objective, FisherInformation):
+        return None
+    period = configuration.sensor.period_s
+    span = getattr(configuration.tracker, "window_s", None) or (configuration.tracker.window - 1) * period
+    share = period / (configuration.planner.period_s or period)
+    return PastBearings(configuration.dimension, span, share, objective.weight)
+
+
+def build_joint(
+    configuration: Configuration, objective: Objective | JointObjective, tracker: Tracker | PositionTracker | None
+) -> Callable[[ArrayLike], JointForecast] | None:
+    """Where the covariance of several positions comes from, for an objective that needs it.
+
+    Raises
+    ------
+    ValueError
+        If the tracker is not one Gaussian process.
+    """
+    if not isinstance(objective, PosteriorVariance):
+        return None
+    if not isinstance(tracker, JointlyGaussian):
+        raise ValueError(
+            "planner.objective: found posterior_variance; allowed: beside tracker.kind gp or lmc, one Gaussian process "
+            f"whose posterior does not depend on what is measured, found {configuration.tracker.kind}"
+        )
+    return tracker.joint

@@ -1,0 +1,62 @@
+"""How a key of the configuration is declared: its types, its meaning, and what is allowed.
+
+Shared by the sections in :mod:`~gbt_ocp.experiments.config.schema`, :mod:`~gbt_ocp.experiments.config.tracker` and
+:mod:`~gbt_ocp.experiments.config.guidance`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+
+
+def key(default: Any, meaning: str, allowed: str, **bounds: Any) -> Any:
+    """Declare a key; ``{d}`` and ``{n}`` in `allowed` stand for the sizes of the problem."""
+    return Field(default, description=meaning, json_schema_extra={"allowed": allowed}, **bounds)
+
+
+def as_tuples(value: Any) -> Any:
+    """Sequences as YAML gives them, as tuples all the way down."""
+    return tuple(as_tuples(item) for item in value) if isinstance(value, list | tuple) else value
+
+
+def sized(size: str) -> AfterValidator:
+    """Check of a sequence's length against a size of the problem, ``d`` or ``n``."""
+
+    def check(value: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+        wanted = (info.context or {}).get(size)
+        if wanted is not None and len(value) != wanted:
+            raise ValueError(f"{wanted} numbers")
+        return value
+
+    return AfterValidator(check)
+
+
+def _covariance(value: tuple[tuple[float, ...], ...], info: ValidationInfo) -> tuple[tuple[float, ...], ...]:
+    size = (info.context or {}).get("d", len(value))
+    if len(value) != size or any(len(row) != size for row in value):
+        raise ValueError("square")
+    matrix = np.array(value)
+    if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0) or np.any(np.linalg.eigvalsh(matrix) <= 0.0):
+        raise ValueError("symmetric positive definite")
+    return value
+
+
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+PositiveNumbers = Annotated[tuple[Positive, ...], BeforeValidator(as_tuples), Field(min_length=1)]
+NotNegativeNumbers = Annotated[tuple[NotNegative, ...], BeforeValidator(as_tuples)]
+Numbers = Annotated[tuple[float, ...], BeforeValidator(as_tuples)]
+PositionNumbers = Annotated[Numbers, sized("d")]
+InputNumbers = Annotated[Numbers, sized("n")]
+PositiveInputNumbers = Annotated[tuple[Positive, ...], BeforeValidator(as_tuples), sized("n")]
+NotNegativeInputNumbers = Annotated[tuple[NotNegative, ...], BeforeValidator(as_tuples), sized("n")]
+Covariance = Annotated[tuple[tuple[float, ...], ...], BeforeValidator(as_tuples), AfterValidator(_covariance)]
+
+
+class Section(BaseModel):
+    """What all sections share: strict types, finite numbers, no unknown keys, frozen."""
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)

@@ -1,0 +1,313 @@
+"""From a name, a file or a mapping to a checked configuration.
+
+Weakest first: defaults, the problem's defaults, the preset, what is written, ``--set``, ``--seed``. Every layer keeps
+its label, so that a fault names the file or option its value came from, and all faults are reported at once.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from gbt_ocp.experiments.config import catalogue
+from gbt_ocp.experiments.config import yaml_dialect as dialect
+from gbt_ocp.experiments.config.consistency import extremes, inconsistencies
+from gbt_ocp.experiments.config.faults import NOTHING, ConfigurationError, Fault, shown, value_at
+from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.experiments.config.tracker import ShapeTracker
+from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
+from gbt_ocp.experiments.config.validation import faults_of
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "paper": {
+        "tracker": {"centre": "origin", "amplitude": 1.0, "nugget": 1.0e-8, "noise": None, "prior": None},
+        "planner": {"range_pull": 0.02},
+        "desired_bearing": {"speed_mps": None},
+    },
+}
+"""What a preset fills in (docs/paper.md, E7 and E8); `default` is the defaults of the models."""
+
+_DIMENSION_DEFAULTS: dict[int, dict[str, Any]] = {
+    2: {
+        "tracker": {"kind": "gp", "window": 20},
+        "desired_bearing": {"m": 10},
+        "vehicle": {"kind": "fossen", "thrust_max": [5000.0, 5000.0, 1500.0]},
+    },
+    3: {
+        "tracker": {"kind": "gp", "window": 12},
+        "desired_bearing": {"m": 4, "axis": [0.0, 0.0, 1.0]},
+        "vehicle": {"kind": "fossen", "thrust_max": [5000.0, 5000.0, 5000.0, 1500.0]},
+    },
+}
+
+# Of two keys that say the same thing, the one in the stronger layer replaces the other.
+_ALTERNATIVES: dict[tuple[str, ...], tuple[str, str]] = {
+    ("desired_bearing",): ("m", "period_s"),
+    ("tracker", "prior"): ("std", "covariance"),
+}
+
+# Another kind brings other keys; these belong to every kind of their section and stay.
+_SHARED: dict[tuple[str, ...], tuple[str, ...]] = {
+    ("vehicle",): ("start", "follow"),
+    ("tracker",): ("window", "forecast", "forecast_period_s", "prior"),
+}
+
+# The two Gaussian processes have these in common besides, so that a preset means the same to both.
+_PROCESSES = ("gp", "lmc")
+_SHARED_BY_PROCESSES = ("centre", "length_scale", "nugget", "bound_delta")
+
+# What is known of sensor and target is the same to the motion's shape alone and in the mixture.
+_SHAPES = ("motion_gp", "mixture")
+_SHARED_BY_SHAPES = tuple(name for name in ShapeTracker.model_fields if name != "kind")
+
+
+@dataclass(frozen=True)
+class _Layer:
+    label: str
+    values: dict[str, Any]
+
+
+def load_config(
+    source: str | Path | Mapping[str, Any], overrides: Sequence[str] = (), seed: int | None = None
+) -> Configuration:
+    """Load and check a configuration.
+
+    Parameters
+    ----------
+    source
+        Name of a shipped configuration (``case2``), path of a YAML file or of a problem's Python file, or a mapping
+        with the keys of a file.
+    overrides
+        Lines ``key.path=value`` with the value in YAML, stronger than what is written; later ones are stronger.
+    seed
+        Replaces the seed.
+
+    Returns
+    -------
+    Configuration
+        Frozen, with every default filled in and paths absolute.
+
+    Raises
+    ------
+    ConfigurationError
+        If anything is wrong, with one line a fault: file, key path, what was found, what is allowed.
+    """
+    label, folder, name, text = _read(source)
+    faults: list[str] = []
+    layers = [_Layer(label, _written(text, label, faults))]
+    layers += [layer for line in overrides if (layer := _override(line, faults)) is not None]
+    if seed is not None:
+        layers.append(_Layer("--seed", {"seed": seed}))
+
+    top = _merge(layers)
+    chosen, problem = _problem(top.get("problem", "case2"), folder, layers, faults)
+    layers = [*_beneath(chosen, problem, top.get("preset", "default"), top), *layers]
+    merged = _merge(layers)
+    merged["problem"] = chosen
+    merged.setdefault("name", _as_name(name or (problem.name if problem else "run")))
+    _complete(merged, folder, problem)
+
+    sizes = _known_sizes(merged, problem)
+    found: list[Fault] = []
+    configuration: Configuration | None = None
+    try:
+        configuration = Configuration.model_validate(merged, context=sizes)
+    except ValidationError as error:
+        found += faults_of(error, merged, sizes)
+    found += [fault for fault in extremes(merged) if fault.path not in {other.path for other in found}]
+    single = {fault.path for fault in found}
+    found += [fault for fault in inconsistencies(merged, problem) if fault.path not in single]
+    faults += [fault.line(_origin(fault.path, layers, label)) for fault in found]
+    if faults or configuration is None:
+        raise ConfigurationError(faults)
+    return configuration
+
+
+def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, Path, str | None, Any]:
+    """Label, folder for relative paths, name, and the mapping or the text of the file."""
+    if isinstance(source, Mapping):
+        return "configuration", Path.cwd(), None, source
+    if not isinstance(source, str | Path):
+        allowed = "a name, a path, or a mapping"
+        raise ConfigurationError([f"configuration: found a {type(source).__name__}; allowed: {allowed}"])
+    shipped = catalogue.config_path(source) if isinstance(source, str) else None
+    found = shipped or catalogue.resolved(source)
+    if found is None or not found.is_file():
+        names = ", ".join(catalogue.config_names())
+        wanted = f"{names}, or a path to a YAML or .py file"
+        raise ConfigurationError([f"{dialect.shortened(str(source))}: found no such file; allowed: {wanted}"])
+    path = shipped or Path(source).expanduser()
+    if path.suffix == ".py":  # a problem with all its defaults
+        return str(path), Path.cwd(), path.stem, {"problem": str(path.resolve())}
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as fault:
+        raise ConfigurationError(
+            [f"{path}: found a file that cannot be read ({fault}); allowed: UTF-8 text"]
+        ) from fault
+    return str(path), path.resolve().parent, path.stem, text
+
+
+def _written(text: Any, label: str, faults: list[str]) -> dict[str, Any]:
+    value = text
+    if isinstance(text, str):
+        try:
+            value, repeated = dialect.parse(text, label)
+        except dialect.YamlError as fault:
+            raise ConfigurationError([str(fault)]) from fault
+        faults += repeated
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        keys = ", ".join(Configuration.model_fields)
+        raise ConfigurationError([f"{label}: found {shown(value)}; allowed: a mapping with the keys {keys}"])
+    return _plain_mapping(value)
+
+
+def _plain_mapping(value: Mapping[Any, Any]) -> dict[str, Any]:
+    return {str(key): _plain(item) for key, item in value.items()}
+
+
+def _plain(value: Any) -> Any:
+    """Deep copy in lists, string-keyed dicts and scalars, so that a mapping from Python reads as one from a file."""
+    if isinstance(value, Mapping):
+        return _plain_mapping(value)
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def _override(line: str, faults: list[str]) -> _Layer | None:
+    key, equals, text = line.partition("=")
+    parts = [part.strip() for part in key.split(".")]
+    if not equals or not all(parts):
+        faults.append(f"--set: found {shown(line)}; allowed: key.path=value")
+        return None
+    try:
+        value, repeated = dialect.parse(text, f"--set {key}")
+    except dialect.YamlError as fault:
+        faults.append(str(fault))
+        return None
+    faults += repeated
+    value = _plain(value)
+    for part in reversed(parts):
+        value = {part: value}
+    return _Layer("--set", value)
+
+
+def _problem(written: Any, folder: Path, layers: list[_Layer], faults: list[str]) -> tuple[str, TrackingProblem | None]:
+    """Name or absolute path of the problem, and the problem itself if it can be loaded."""
+    chosen = str(written)
+    if chosen.endswith(".py"):
+        chosen = _absolute(chosen, folder)
+    try:
+        if not isinstance(written, str):
+            names = ", ".join(catalogue.problem_names())
+            raise catalogue.ProblemError(f"found {shown(written)}; allowed: {names}, or a path to a .py file")
+        return chosen, catalogue.load_problem(chosen)
+    except catalogue.ProblemError as fault:
+        faults.append(f"{_origin(('problem',), layers, layers[0].label)}: problem: {fault}")
+        return chosen, None
+
+
+def _beneath(chosen: str, problem: TrackingProblem | None, preset: Any, written: Mapping[str, Any]) -> list[_Layer]:
+    """Layers weaker than what is written."""
+    # Without a problem the rest is still checked, as far as that needs no dimension.
+    layers = [_Layer("defaults", _DIMENSION_DEFAULTS[problem.dimension if problem else 2])]
+    if problem is None:
+        layers.append(_Layer("defaults", {"target": {"kind": "case2"}}))
+    else:
+        path = catalogue.problem_path(chosen)
+        label = str(path)
+        target = _plain_mapping(problem.target) if isinstance(problem.target, Mapping) else {"kind": "problem"}
+        own: dict[str, Any] = {"target": target}
+        if problem.vehicle is not None:
+            own["vehicle"] = {"kind": "problem"}
+        # the paper's turns are for a vehicle that may touch its target
+        standoff = [value_at(values, ("limits", "range", "nearest_m")) for values in (problem.defaults, written)]
+        if any(isinstance(value, int | float) for value in standoff):
+            layers.append(_Layer("defaults", {"desired_bearing": {"period_s": "auto"}}))
+        for layer in (_Layer(label, own), _Layer(label, _plain_mapping(problem.defaults))):
+            _resolve_track(layer.values, path.parent)
+            layers.append(layer)
+    if isinstance(preset, str) and preset in PRESETS:
+        layers.append(_Layer(f"preset {preset}", PRESETS[preset]))
+    return layers
+
+
+def _complete(merged: dict[str, Any], folder: Path, problem: TrackingProblem | None) -> None:
+    _resolve_track(merged, folder)
+    guidance = merged.get("guidance")
+    if problem is None or not isinstance(guidance, dict) or guidance.get("kind") != "constant_force":
+        return
+    if value_at(merged, ("vehicle", "kind")) == "fossen":
+        guidance.setdefault("force", [500.0] * problem.dimension + [0.0])
+
+
+def _resolve_track(values: dict[str, Any], folder: Path) -> None:
+    path = value_at(values, ("target", "path"))
+    if isinstance(path, str) and path:
+        values["target"]["path"] = _absolute(path, folder)
+
+
+def _absolute(path: str, folder: Path) -> str:
+    """A relative path is looked up beside the file that names it, then in the current folder."""
+    found = catalogue.resolved(path, folder)
+    return path if found is None else str(found)
+
+
+def _known_sizes(merged: Mapping[str, Any], problem: TrackingProblem | None) -> dict[str, int]:
+    if problem is None:
+        return {}
+    # A user's vehicle may have any number of inputs.
+    own = value_at(merged, ("vehicle", "kind")) == "problem"
+    return {"d": problem.dimension} if own else {"d": problem.dimension, "n": problem.dimension + 1}
+
+
+def _merge(layers: Sequence[_Layer]) -> dict[str, Any]:
+    merged: dict[str, Any] = {}
+    for layer in layers:
+        merged = _overlay(merged, layer.values, ())
+    return merged
+
+
+def _overlay(base: Mapping[str, Any], above: Mapping[str, Any], path: tuple[str, ...]) -> dict[str, Any]:
+    merged = dict(base)
+    if "kind" in above and above["kind"] != base.get("kind", above["kind"]):
+        shared = _SHARED.get(path, ())
+        if path == ("tracker",) and above["kind"] in _PROCESSES and base["kind"] in _PROCESSES:
+            shared = (*shared, *_SHARED_BY_PROCESSES)
+        if path == ("tracker",) and above["kind"] in _SHAPES and base["kind"] in _SHAPES:
+            shared = _SHARED_BY_SHAPES
+        merged = {key: base[key] for key in shared if key in base}
+    alternatives = _ALTERNATIVES.get(path, ())
+    if any(above.get(key) is not None for key in alternatives):
+        merged = {key: value for key, value in merged.items() if key not in alternatives}
+    for key, value in above.items():
+        beneath = merged.get(key)
+        if isinstance(value, Mapping):
+            merged[key] = _overlay(beneath if isinstance(beneath, Mapping) else {}, value, (*path, key))
+        else:
+            merged[key] = value
+    return merged
+
+
+def _origin(path: tuple[str, ...], layers: Sequence[_Layer], label: str) -> str:
+    """Label of the strongest layer that says anything at the path; the file for defaults and missing keys."""
+    for layer in reversed(layers):
+        if value_at(layer.values, path) is not NOTHING:
+            return label if layer.label == "defaults" else layer.label
+    return label
+
+
+def _as_name(text: str) -> str:
+    return re.sub(r"[^\w.-]+", "-", text).lstrip(".") or "run"

@@ -1,0 +1,341 @@
+"""The section ``tracker``: how the target's motion is estimated, one class a method.
+
+A further method is a class below :class:`TrackerSection` with its ``kind``, a line in :data:`TRACKERS`, a member of
+:data:`AnyTracker`, and a function in :mod:`~gbt_ocp.experiments.build.trackers`. Keys of :class:`TrackerSection`
+survive a change of ``kind`` in a stronger layer; all others are dropped with the kind they belong to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, ValidationInfo
+
+from gbt_ocp.experiments.config.keys import (
+    Covariance,
+    PositionNumbers,
+    Positive,
+    PositiveNumbers,
+    Section,
+    as_tuples,
+    key,
+)
+from gbt_ocp.experiments.config.noise import Noise, NoisyBearings
+
+TRACKERS = {
+    "gp": "Gaussian process on a window of pseudo-linear bearings (paper, section 3)",
+    "lmc": "Gaussian process whose axes move together: linear model of coregionalization (section 3.3)",
+    "motion_gp": "Gaussian process on turn rate and log speed, for noisy bearings and unknown range",
+    "mixture": "motion_gp and a Gaussian process on the velocity, weighed by how well each foretold the bearings",
+    "oe_s": "orthogonality-based estimator of a static target",
+    "oe_cv": "orthogonality-based estimator of a target with constant velocity",
+    "plkf": "pseudo-linear Kalman filter",
+    "imm_plkf": "interacting multiple models with pseudo-linear updates",
+    "ekf": "extended Kalman filter, constant velocity",
+    "imm_ekf": "interacting multiple models with extended updates",
+    "imm_kf_f": "interacting multiple models that see the target's full position",
+    "pr": "polynomial regression on the window",
+}
+"""Estimators that exist, by ``tracker.kind``."""
+
+
+KernelName = Literal["se", "matern32", "matern52", "rq"]
+
+
+def _enough_kernels(value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+    if len(value) < (info.context or {}).get("d", 2):
+        raise ValueError("fewer than d")
+    return value
+
+
+class Prior(Section):
+    """What is known of the target's position before the first bearing."""
+
+    position: PositionNumbers = Field(
+        description="Expected position in m.", json_schema_extra={"allowed": "{d} numbers"}
+    )
+    std: float | None = key(
+        None, "Standard deviation on each axis in m.", "a number > 0, or null beside covariance", gt=0.0
+    )
+    covariance: Covariance | None = key(
+        None,
+        "Covariance in m^2, instead of std.",
+        "a symmetric positive definite {d} x {d} matrix, or null beside std",
+    )
+
+
+class TrackerSection(Section):
+    """What all estimators share."""
+
+    kind: str = Field(description="Method.")
+    window: int = key(20, "N_c, bearings kept (default 12 in space).", "a whole number >= 2", ge=2)
+    forecast: int = key(11, "n, sampling periods (or forecast_period_s) predicted ahead.", "a whole number >= 1", ge=1)
+    forecast_period_s: Positive | None = key(
+        None, "Time between predicted positions in s; null is one sampling period.", "null, or a number > 0"
+    )
+    prior: Prior | None = key(
+        None, "Prior knowledge of the position.", "null, or a mapping with position and one of std, covariance"
+    )
+
+
+class ProcessTracker(TrackerSection):
+    """What the Gaussian-process trackers share."""
+
+    centre: Literal["origin", "vehicle"] = key("vehicle", "Where the prior mean lies.", "origin, vehicle")
+    length_scale: Literal["tuned"] | Positive = key(
+        "tuned", "Length scale in s, tuned on the window or fixed.", "tuned, or a number > 0"
+    )
+    nugget: Literal["tuned"] | Positive = key(
+        "tuned",
+        "Variance of a measurement relative to the amplitude squared, tuned on the window or fixed.",
+        "tuned, or a number > 0",
+    )
+    bound_delta: float = key(0.05, "δ, probability that the error bound fails.", "a number in (0, 1]", gt=0.0, le=1.0)
+
+
+def _own_or_named(value: Any) -> str:
+    return "own" if isinstance(value, Mapping | NoisyBearings) else "named"
+
+
+class GaussianProcessTracker(ProcessTracker):
+    """The Gaussian-process tracker."""
+
+    kind: Literal["gp"] = Field("gp", description="Gaussian process.")
+    kernel: KernelName = key("se", "Kernel of the process.", "se, matern32, matern52, rq")
+    amplitude: Literal["tuned"] | Positive = key(
+        "tuned", "Prior standard deviation in m, tuned on the window or fixed.", "tuned, or a number > 0"
+    )
+    noise: Annotated[
+        Annotated[Literal["sensor"] | None, Tag("named")] | Annotated[NoisyBearings, Tag("own")],
+        Discriminator(_own_or_named),
+    ] = key(
+        "sensor",
+        "Treatment of noisy bearings, in place of kernel, centre, amplitude, length_scale and nugget. sensor: the "
+        "defaults of its keys if sensor.noise_deg > 0, else null. null: the paper's tracker, for exact bearings.",
+        "sensor, null, or a mapping",
+    )
+
+
+class CoregionalizedTracker(ProcessTracker):
+    """The Gaussian-process tracker with a linear model of coregionalization."""
+
+    kind: Literal["lmc"] = Field(description="Linear model of coregionalization.")
+    kernels: Annotated[tuple[KernelName, ...], BeforeValidator(as_tuples), AfterValidator(_enough_kernels)] | None = (
+        key(
+            None,
+            "Kernels of the latent functions, one each (default: d times se).",
+            "null, or a list of at least {d} of se, matern32, matern52, rq",
+        )
+    )
+
+
+class SpeedPrior(Section):
+    """What is known of the target's speed."""
+
+    median: float = key(1.0, "Median speed of the target in m/s.", "a number > 0", gt=0.0)
+    log_std: float = key(1.0, "Standard deviation of the logarithm of its speed.", "a number > 0", gt=0.0)
+
+
+class RangePrior(Section):
+    """What is known of the target's range."""
+
+    median_m: float = key(50.0, "Median range in m.", "a number > 0", gt=0.0)
+    log_std: float = key(1.0, "Standard deviation of the logarithm of the range.", "a number > 0", gt=0.0)
+
+
+class ShapeTracker(TrackerSection):
+    """What the trackers with a Gaussian process on the shape of the motion share."""
+
+    noise: Noise = Field(default_factory=Noise, description="Noise of the bearings.")
+    bin_s: float = key(1.5, "Width of the bins in s over which bearings are averaged.", "a number > 0", gt=0.0)
+    window_s: float = key(60.0, "Age of the oldest bin in s.", "a number of at least 4 bins", gt=0.0)
+    update_s: float = key(
+        1.0, "Least time between two estimates in s; in between, the last one is predicted.", "a number >= 0", ge=0.0
+    )
+    speed: SpeedPrior = Field(default_factory=SpeedPrior, description="Prior of the target's speed.")
+    range: RangePrior = Field(default_factory=RangePrior, description="Prior of the target's range.")
+    starts_m: PositiveNumbers | None = key(
+        None,
+        "Ranges in m at which a track is begun; null is four about the prior's median.",
+        "null, or a list of numbers > 0",
+    )
+    hypotheses: int = key(3, "Largest number of distinct motions kept.", "a whole number >= 1", ge=1)
+    memory: float | None = key(
+        3.0,
+        "Factor on the deviations of position and velocity remembered from before the window; null remembers nothing.",
+        "null, or a number > 0",
+        gt=0.0,
+    )
+    gate: float | None = key(
+        4.0,
+        "Standardised residual from which a bearing is suspected; null trusts all.",
+        "null, or a number > 0",
+        gt=0.0,
+    )
+    turn_kernel: Literal["matern32", "ou"] = key("matern32", "Kernel of the turn rate.", "matern32, ou")
+    turn_rate_std: PositiveNumbers = key(
+        (0.01, 0.03, 0.09), "Standard deviations of the turn rate in rad/s, averaged over.", "a list of numbers > 0"
+    )
+    turn_time_s: PositiveNumbers = key(
+        (8.0, 25.0), "Time scales of the turn rate in s, averaged over.", "a list of numbers > 0"
+    )
+    speed_change_std: PositiveNumbers = key(
+        (0.03, 0.1, 0.3), "Standard deviations of the change of log speed, averaged over.", "a list of numbers > 0"
+    )
+    speed_time_s: float = key(30.0, "Time scale of the change of log speed in s.", "a number > 0", gt=0.0)
+
+
+class MotionTracker(ShapeTracker):
+    """Gaussian process on the shape of the motion."""
+
+    kind: Literal["motion_gp"] = Field(description="Gaussian process on turn rate and log speed.")
+
+
+class MixtureTracker(ShapeTracker):
+    """Gaussian processes on the shape of the motion and on the velocity."""
+
+    kind: Literal["mixture"] = Field(description="Gaussian processes on the motion's shape and on the velocity.")
+    velocity_time_s: float = key(
+        20.0,
+        "Median time scale of the velocity in s; scales from a quarter to four times as long are averaged over.",
+        "a number > 0",
+        gt=0.0,
+    )
+
+
+class BaselineTracker(TrackerSection):
+    """What the estimators share that the paper compares with."""
+
+    initial_range_m: float = key(
+        3.0, "Range in m at which the first bearing puts the target where there is no prior.", "a number > 0", gt=0.0
+    )
+
+
+class OrthogonalityStaticTracker(BaselineTracker):
+    """Orthogonality-based estimator of a static target."""
+
+    kind: Literal["oe_s"] = Field(description="Orthogonality-based, static target.")
+    position_gain: float = key(10.0, "Gain on the position in 1/s (k1, c1).", "a number > 0", gt=0.0)
+
+
+class OrthogonalityVelocityTracker(BaselineTracker):
+    """Orthogonality-based estimator of a target with constant velocity."""
+
+    kind: Literal["oe_cv"] = Field(description="Orthogonality-based, constant velocity.")
+    position_gain: float = key(5.0, "Gain on the position in 1/s (k1, c1).", "a number > 0", gt=0.0)
+    velocity_gain: float = key(0.1, "Gain on the velocity in 1/s^2 (c2).", "a number > 0", gt=0.0)
+
+
+class FilterTracker(BaselineTracker):
+    """What the Kalman filters share."""
+
+    initial_variance: float = key(
+        1.0,
+        "P0, variance of the velocity (and acceleration) in SI units, and of the position without a prior.",
+        "a number > 0",
+        gt=0.0,
+    )
+    process_noise: float = key(
+        0.1, "q, spectral density of the acceleration in m^2/s^3 under constant velocity.", "a number > 0", gt=0.0
+    )
+
+
+class PseudoLinearKalmanTracker(FilterTracker):
+    """Pseudo-linear Kalman filter."""
+
+    kind: Literal["plkf"] = Field(description="Pseudo-linear Kalman filter.")
+    bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", "a number > 0", gt=0.0)
+    bias_compensated: bool = key(False, "Whether the bias of the update is taken off.", "true, false")
+
+
+class InteractingModelsTracker(FilterTracker):
+    """What both trackers with interacting multiple models share."""
+
+    jerk_noise: float = key(
+        0.1, "Spectral density of the jerk in m^2/s^5 where the acceleration varies.", "a number > 0", gt=0.0
+    )
+    stay_probability: float = key(
+        0.9, "Probability that a mode lasts for another measurement.", "a number between 0 and 1", gt=0.0, lt=1.0
+    )
+    turn_rate_max: float = key(2.0, "Largest turn rate in rad/s.", "a number > 0", gt=0.0)
+
+
+class InteractingPseudoLinearTracker(InteractingModelsTracker):
+    """Interacting multiple models with pseudo-linear updates."""
+
+    kind: Literal["imm_plkf"] = Field(description="Interacting models, bearings.")
+    bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", "a number > 0", gt=0.0)
+
+
+class InteractingPositionTracker(InteractingModelsTracker):
+    """Interacting multiple models that see the target's position, missed where its bearing is."""
+
+    kind: Literal["imm_kf_f"] = Field(description="Interacting models, full positions.")
+    position_std_m: float = key(
+        0.0001, "Noise of the measured position in m, given to the filter too.", "a number > 0", gt=0.0
+    )
+
+
+class FirstGuess(BaselineTracker):
+    """What the extended filters share."""
+
+    initial_range_std_m: float = key(3.0, "Standard deviation in m of that range.", "a number > 0", gt=0.0)
+    initial_speed_std: float = key(
+        1.0, "Standard deviation of each component of the velocity in m/s at the start.", "a number > 0", gt=0.0
+    )
+    process_noise: float = key(
+        0.1, "q, spectral density of the acceleration in m^2/s^3 under constant velocity.", "a number > 0", gt=0.0
+    )
+    bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", "a number > 0", gt=0.0)
+
+
+class ExtendedKalmanTracker(FirstGuess):
+    """Extended Kalman filter."""
+
+    kind: Literal["ekf"] = Field(description="Extended Kalman filter.")
+
+
+class InteractingExtendedTracker(FirstGuess):
+    """Interacting multiple models with extended updates."""
+
+    kind: Literal["imm_ekf"] = Field(description="Interacting models, extended updates.")
+    initial_variance: float = key(
+        1.0,
+        "P0, variance of the velocity (and acceleration) in SI units, and of the position without a prior.",
+        "a number > 0",
+        gt=0.0,
+    )
+    jerk_noise: float = key(
+        0.1, "Spectral density of the jerk in m^2/s^5 where the acceleration varies.", "a number > 0", gt=0.0
+    )
+    stay_probability: float = key(
+        0.9, "Probability that a mode lasts for another measurement.", "a number between 0 and 1", gt=0.0, lt=1.0
+    )
+    turn_rate_max: float = key(2.0, "Largest turn rate in rad/s.", "a number > 0", gt=0.0)
+
+
+class PolynomialTracker(BaselineTracker):
+    """Polynomial regression."""
+
+    kind: Literal["pr"] = Field(description="Polynomial regression.")
+    order: int = key(3, "Degree of the polynomial.", "a whole number from 0 to 20", ge=0, le=20)
+    ridge: float = key(1.0e-8, "Weight of the coefficients beside the squared residuals.", "a number > 0", gt=0.0)
+
+
+AnyTracker = Annotated[
+    GaussianProcessTracker
+    | CoregionalizedTracker
+    | MotionTracker
+    | MixtureTracker
+    | OrthogonalityStaticTracker
+    | OrthogonalityVelocityTracker
+    | PseudoLinearKalmanTracker
+    | InteractingPseudoLinearTracker
+    | ExtendedKalmanTracker
+    | InteractingExtendedTracker
+    | InteractingPositionTracker
+    | PolynomialTracker,
+    Field(discriminator="kind"),
+]
+"""The section, told apart by ``kind``."""

@@ -1,0 +1,45 @@
+"""Bearing geometry, vehicles, targets and the bearing sensor."""
+
+from gbt_ocp.models.bearings import (
+    DesiredBearing,
+    condition_number,
+    cumulative_bearing_matrix,
+    rotate_bearing,
+    tangent_basis,
+    unit_bearing,
+)
+from gbt_ocp.models.sensors import BearingSensor
+from gbt_ocp.models.targets import MotionTarget, Target, TrackTarget, TurningTarget, case_target
+from gbt_ocp.models.vehicles import (
+    FALCON_2D,
+    FALCON_3D,
+    FossenParameters,
+    FossenVehicle,
+    PlanarPointMass,
+    Unicycle,
+    Vehicle,
+    acceleration,
+)
+
+__all__ = [
+    "FALCON_2D",
+    "FALCON_3D",
+    "BearingSensor",
+    "DesiredBearing",
+    "FossenParameters",
+    "FossenVehicle",
+    "MotionTarget",
+    "PlanarPointMass",
+    "Target",
+    "TrackTarget",
+    "TurningTarget",
+    "Unicycle",
+    "Vehicle",
+    "acceleration",
+    "case_target",
+    "condition_number",
+    "cumulative_bearing_matrix",
+    "rotate_bearing",
+    "tangent_basis",
+    "unit_bearing",
+]

@@ -1,0 +1,160 @@
+"""Bearings: unit vectors to a target, their tangent planes, and how well a set of them pins a position down.
+
+Source: equations ``eq4``, ``eq5``, ``eq20`` and ``op_bearings`` of the paper. Arrays are time first: ``(K, d)``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gbt_ocp.typing import Array
+
+
+def unit_bearing(target: ArrayLike, own: ArrayLike) -> Array:
+    """Unit vector λ from the vehicle to the target (``eq4``).
+
+    Parameters
+    ----------
+    target, own
+        Positions ``(..., d)`` in metres; they broadcast against each other.
+
+    Returns
+    -------
+    Bearings ``(..., d)``, each of length one.
+
+    Raises
+    ------
+    ValueError
+        If a target coincides with the vehicle: the bearing is then undefined.
+    """
+    line = np.asarray(target, dtype=float) - np.asarray(own, dtype=float)
+    # Scaling by the largest component first keeps the norm from overflowing or vanishing at extreme ranges.
+    largest = np.max(np.abs(line), axis=-1, keepdims=True)
+    if np.any(largest == 0.0):
+        raise ValueError("the bearing is undefined where the target coincides with the vehicle")
+    line = line / largest
+    return np.asarray(line / np.linalg.norm(line, axis=-1, keepdims=True))
+
+
+def tangent_basis(bearing: ArrayLike) -> Array:
+    """Orthonormal basis λ̄ of the tangent plane at each bearing (``eq5``).
+
+    In 2D it is the bearing turned by +90°. In 3D it is the image of (e_x, e_y) under the smallest rotation that takes
+    e_z to the bearing: smooth everywhere but at -e_z, where every choice of basis on the sphere must break once.
+
+    Parameters
+    ----------
+    bearing
+        Unit vectors ``(..., d)`` with d = 2 or 3.
+
+    Returns
+    -------
+    Bases ``(..., d, d-1)``; ``basis.T @ bearing == 0`` and ``basis.T @ basis == I``.
+
+    Raises
+    ------
+    ValueError
+        If d is neither 2 nor 3.
+    """
+    b = np.asarray(bearing, dtype=float)
+    if b.shape[-1] == 2:
+        return np.stack([-b[..., 1], b[..., 0]], axis=-1)[..., None]
+    if b.shape[-1] != 3:
+        raise ValueError(f"bearings must have 2 or 3 components, found {b.shape[-1]}")
+    x, y, z = b[..., 0], b[..., 1], b[..., 2]
+    # 1 + z loses its digits near -e_z; for a unit vector (x² + y²)/(1 - z) is the same number without cancellation.
+    one_plus_z = np.where(z < 0.0, (x * x + y * y) / (1.0 - np.minimum(z, 0.0)), 1.0 + z)
+    pole = one_plus_z == 0.0
+    scale = 1.0 / np.where(pole, 1.0, one_plus_z)
+    cross = -x * y * scale
+    first = np.stack([1.0 - x * x * scale, cross, -x], axis=-1)
+    second = np.stack([cross, np.where(pole, -1.0, 1.0 - y * y * scale), -y], axis=-1)
+    return np.stack([first, second], axis=-1)
+
+
+def rotate_bearing(bearing: ArrayLike, angle: ArrayLike) -> Array:
+    """Turn a bearing by a rotation given in its tangent plane: how noise and outliers act on a bearing.
+
+    Parameters
+    ----------
+    bearing
+        Unit vectors ``(..., d)``.
+    angle
+        Rotation ``(..., d-1)`` in radians along the columns of :func:`tangent_basis`; its length is the angle between
+        the bearing before and after.
+
+    Returns
+    -------
+    Unit vectors ``(..., d)``.
+    """
+    b = np.asarray(bearing, dtype=float)
+    a = np.asarray(angle, dtype=float)
+    size = np.linalg.norm(a, axis=-1, keepdims=True)
+    # sin(size)/size without a division by zero
+    step = np.einsum("...ij,...j->...i", tangent_basis(b), a) * np.sinc(size / np.pi)
+    turned = np.cos(size) * b + step
+    return np.asarray(turned / np.linalg.norm(turned, axis=-1, keepdims=True))
+
+
+def cumulative_bearing_matrix(bearings: ArrayLike) -> Array:
+    """P = Σ (I - λ λᵀ) over the bearings ``(K, d)`` of a window (``eq20``); returns ``(d, d)``."""
+    b = np.atleast_2d(np.asarray(bearings, dtype=float))
+    return np.asarray(len(b) * np.eye(b.shape[1]) - b.T @ b)
+
+
+def condition_number(matrix: ArrayLike) -> float:
+    """Ratio of the largest to the smallest eigenvalue of a symmetric positive semidefinite matrix ``(d, d)``.
+
+    Returns infinity where the matrix is singular to working precision, as it is for a single bearing in 2D.
+    """
+    values = np.linalg.eigvalsh(np.asarray(matrix, dtype=float))
+    if values[0] <= values[-1] * len(values) * np.finfo(float).eps:
+        return float("inf")
+    return float(values[-1] / values[0])
+
+
+@dataclass(frozen=True)
+class DesiredBearing:
+    """The optimal desired bearing λ*(t), a point that runs around a circle (``op_bearings``).
+
+    Parameters
+    ----------
+    dimension
+        d = 2 (circle in the plane) or 3 (circle of radius √6/3 lifted to √3/3 along ``axis``).
+    rate
+        ω in rad/s; the paper's is 2π/(T m).
+    axis
+        λ_0 of the paper, the preset direction in 3D ``(3,)``; normalised here. Ignored in 2D.
+    phase
+        Angle on the circle at t = 0 in radians; zero in the paper.
+    """
+
+    dimension: int
+    rate: float
+    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.dimension not in (2, 3):
+            raise ValueError(f"dimension must be 2 or 3, found {self.dimension}")
+        if self.dimension == 3 and not np.linalg.norm(self.axis) > 0.0:
+            raise ValueError(f"axis must not be zero, found {self.axis}")
+
+    def __call__(self, times: ArrayLike) -> Array:
+        """Desired bearings ``(..., d)`` at the times ``(...)`` in seconds."""
+        angle = self.phase + self.rate * np.asarray(times, dtype=float)
+        circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        if self.dimension == 2:
+            return circle
+        axis = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
+        return np.asarray(np.sqrt(3.0) / 3.0 * axis + np.sqrt(6.0) / 3.0 * circle @ tangent_basis(axis).T)
+
+    def beginning_at(self, time: float, bearing: ArrayLike) -> DesiredBearing:
+        """The same turn, shifted so that at ``time`` (s) it is as near as it gets to a bearing ``(d,)``."""
+        b = np.asarray(bearing, dtype=float)
+        if self.dimension == 3:
+            b = tangent_basis(np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)).T @ b
+        return replace(self, phase=float(np.arctan2(b[1], b[0])) - self.rate * time)

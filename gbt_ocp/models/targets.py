@@ -1,0 +1,342 @@
+"""Target motions: the six cases of the paper, abrupt manoeuvres, random turns, and recorded tracks.
+
+A target is anything with a ``dimension`` and a ``position(times)`` in metres; nothing else of it is ever seen by the
+tracker, and only through a bearing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.signal import lfilter
+
+from gbt_ocp.typing import Array
+
+
+class Target(Protocol):
+    """A moving point."""
+
+    @property
+    def dimension(self) -> int:
+        """d, the dimension of the space."""
+
+    def position(self, times: ArrayLike) -> Array:
+        """P_T(t) in metres: ``(..., d)`` at the times ``(...)`` in seconds."""
+
+
+@dataclass(frozen=True)
+class MotionTarget:
+    """A target whose coordinates are given functions of time."""
+
+    coordinates: tuple[Callable[[Array], Array], ...]
+
+    @property
+    def dimension(self) -> int:
+        """The dimension d of the space."""
+        return len(self.coordinates)
+
+    def position(self, times: ArrayLike) -> Array:
+        """P_T(t) ``(..., d)``."""
+        t = np.asarray(times, dtype=float)
+        return np.stack([coordinate(t) + 0.0 * t for coordinate in self.coordinates], axis=-1)
+
+
+def _line(t: Array) -> Array:
+    return t - 1.0
+
+
+def _eight_denominator(t: Array) -> Array:
+    # Squared as printed; a lemniscate has the plain sum in both denominators.
+    return np.asarray((1.0 + np.sin(np.pi / 8.0 * t) ** 2) ** 2)
+
+
+def _eight_x(t: Array) -> Array:
+    return np.asarray(3.0 * np.cos(np.pi / 8.0 * t) / _eight_denominator(t))
+
+
+def _eight_y(t: Array) -> Array:
+    return np.asarray(1.5 * np.sin(np.pi / 4.0 * t) / _eight_denominator(t))
+
+
+@dataclass(frozen=True)
+class OrbitAngle:
+    """ψ_T(t) of cases 3 and 6: ``ψ̇ = 0.3 + 0.2 sin(0.4 t)``, with abrupt manoeuvres on top.
+
+    Parameters
+    ----------
+    turn_rate_step
+        Δψ̇ in rad/s: at every multiple of ``every_s`` the turn rate jumps by this much, up at the first, back at the
+        second, and so on, so that the speed stays within the vehicle's.
+    every_s
+        Time between jumps in seconds.
+    """
+
+    turn_rate_step: float = 0.0
+    every_s: float = 10.0
+
+    def __call__(self, t: Array) -> Array:
+        """ψ_T in radians, integrated in closed form."""
+        cycle = np.floor_divide(t, 2.0 * self.every_s)
+        raised = cycle * self.every_s + np.clip(t - (2.0 * cycle + 1.0) * self.every_s, 0.0, self.every_s)
+        return np.asarray(0.3 * t + 0.5 * (1.0 - np.cos(0.4 * t)) + self.turn_rate_step * raised)
+
+
+def case_target(number: int, *, turn_rate_step: float = 0.0, every_s: float = 10.0) -> MotionTarget:
+    """The target of one of the paper's six cases (section 5.2).
+
+    Parameters
+    ----------
+    number
+        1 to 3 in the plane, 4 to 6 in space: constant velocity, figure eight, circle with varying speed.
+    turn_rate_step, every_s
+        Abrupt manoeuvres of cases 3 and 6 (section 5.6, scenario 5); see :class:`OrbitAngle`.
+
+    Raises
+    ------
+    ValueError
+        For another number, or for manoeuvres of a case that has no turn rate.
+    """
+    if number not in range(1, 7):
+        raise ValueError(f"the cases are 1 to 6, found {number}")
+    if turn_rate_step and number not in (3, 6):
+        raise ValueError(f"abrupt manoeuvres are defined for cases 3 and 6, found case {number}")
+    angle = OrbitAngle(turn_rate_step, every_s)
+    plane: tuple[Callable[[Array], Array], ...] = {
+        1: (_line, _line),
+        2: (_eight_x, _eight_y),
+        0: (lambda t: 4.0 * np.cos(angle(t)), lambda t: 4.0 * np.sin(angle(t))),
+    }[number % 3]
+    height: dict[int, Callable[[Array], Array]] = {
+        4: lambda t: 0.1 * t,
+        5: lambda t: np.asarray(3.0 * np.sin(np.pi / 8.0 * t)),
+        6: lambda t: np.asarray(5.0 * np.sin(0.2 * t) ** 2),
+    }
+    return MotionTarget(plane if number <= 3 else (*plane, height[number]))
+
+
+TURNING_STEP = 0.05
+"""Step in seconds at which the course of a :class:`TurningTarget` is integrated."""
+
+MOST_TURNS = 1_000_000
+"""Largest number of turns that are drawn for a :class:`TurningTarget`."""
+
+SPEED_TIME = 40.0
+"""Correlation time in seconds of a :class:`TurningTarget`'s speed, where it varies."""
+
+
+class TurningTarget:
+    """A boat that turns: the turn rate is drawn anew every so often, and held.
+
+    Turn rates are uniform within ``±turn_rate_max``, each held for a time uniform in ``hold``; the first heading is
+    uniform. In space the vertical speed is drawn and held in the same way. The speed over ground is constant, or
+    log-normal about ``speed`` with an exponential correlation over :data:`SPEED_TIME`.
+
+    Parameters
+    ----------
+    dimension
+        d.
+    rng
+        Source of the draws; a longer duration continues the same motion.
+    duration
+        Time in seconds up to which the motion is defined.
+    start
+        P_T(0) ``(d,)`` in metres.
+    speed
+        Horizontal speed in m/s; its median, where it varies.
+    turn_rate_max
+        In rad/s.
+    hold
+        Least and largest time in seconds between two draws.
+    climb_rate_max
+        Largest vertical speed in m/s, in space.
+    speed_std
+        Standard deviation of the logarithm of the speed.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range.
+    """
+
+    def __init__(
+        self,
+        dimension: int,
+        rng: np.random.Generator,
+        *,
+        duration: float,
+        start: ArrayLike,
+        speed: float = 1.0,
+        turn_rate_max: float = 0.05,
+        hold: tuple[float, float] = (20.0, 40.0),
+        climb_rate_max: float = 0.1,
+        speed_std: float = 0.0,
+    ) -> None:
+        if dimension not in (2, 3):
+            raise ValueError(f"dimension must be 2 or 3, found {dimension}")
+        if not 0.0 < hold[0] <= hold[1]:
+            raise ValueError(f"hold must be two increasing positive times, found {hold}")
+        numbers = {"duration": duration, "speed": speed}
+        if not (all(value > 0.0 for value in numbers.values()) and min(turn_rate_max, climb_rate_max, speed_std) >= 0):
+            raise ValueError(f"duration and speed must be positive, rates not negative, found {numbers}")
+        longest = min(MOST_TURNS * 0.5 * (hold[0] + hold[1]), 5 * MOST_TURNS * TURNING_STEP)
+        if duration > longest:
+            raise ValueError(
+                f"target: found a motion of {duration:.6g} s; allowed: at most {longest:.6g} s, {MOST_TURNS} turns of "
+                f"hold_s or {5 * MOST_TURNS} steps of {TURNING_STEP} s"
+            )
+        self.dimension = dimension
+        self.duration = float(duration)
+        turns, speeds = rng.spawn(2)
+        count = int(np.ceil(duration / TURNING_STEP)) + 2
+        t = TURNING_STEP * np.arange(count)
+        heading, begins, rates, climbs = turns.uniform(-np.pi, np.pi), [0.0], [], []
+        while begins[-1] <= t[-1]:
+            rates.append(turns.uniform(-turn_rate_max, turn_rate_max))
+            climbs.append(turns.uniform(-climb_rate_max, climb_rate_max))
+            begins.append(begins[-1] + turns.uniform(*hold))
+        # between two steps the course is straight: with 0.05 rad/s that is wrong by less than a micrometre a step
+        heading += np.interp(t, begins, np.concatenate([[0.0], np.cumsum(np.diff(begins) * rates)]))
+        log_speed = np.full(count, np.log(speed))
+        if speed_std > 0.0:
+            keep = np.exp(-TURNING_STEP / SPEED_TIME)
+            draws = speed_std * speeds.standard_normal(count)
+            draws[1:] *= np.sqrt(1.0 - keep**2)
+            log_speed += lfilter([1.0], [1.0, -keep], draws)
+        velocity = np.exp(log_speed)[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        moved = np.vstack([np.zeros(2), np.cumsum(0.5 * TURNING_STEP * (velocity[1:] + velocity[:-1]), axis=0)])
+        if dimension == 3:
+            climbed = np.concatenate([[0.0], np.cumsum(np.diff(begins) * climbs)])
+            moved = np.column_stack([moved, np.interp(t, begins, climbed)])
+        self._path = make_interp_spline(t, np.asarray(start, dtype=float) + moved, k=1)
+
+    def position(self, times: ArrayLike) -> Array:
+        """P_T(t) ``(..., d)``.
+
+        Raises
+        ------
+        ValueError
+            Outside the time for which the motion is defined.
+        """
+        t = np.asarray(times, dtype=float)
+        if np.any(t < 0.0) or np.any(t > self.duration + 1e-9):
+            raise ValueError(
+                f"the motion lasts from 0 to {self.duration:.6g} s, asked for {np.min(t)} to {np.max(t)} s"
+            )
+        return np.asarray(self._path(t))
+
+
+class TrackTarget:
+    """A recorded track, interpolated by a cubic spline.
+
+    Parameters
+    ----------
+    times
+        Recorded times ``(K,)`` in seconds, strictly increasing.
+    positions
+        Recorded positions ``(K, d)`` in metres.
+    length_scale, time_scale
+        Factors on length and time: a boat that outruns the vehicle is brought to its size. Bearings do not change
+        under a common scaling of length.
+    start
+        Where the first point used is put ``(d,)`` in metres; ``None`` keeps the scaled coordinates.
+    start_time
+        Recorded time in seconds after the first sample at which the run starts.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than four samples, times do not increase, or numbers are not finite.
+    """
+
+    def __init__(
+        self,
+        times: ArrayLike,
+        positions: ArrayLike,
+        *,
+        length_scale: float = 1.0,
+        time_scale: float = 1.0,
+        start: ArrayLike | None = None,
+        start_time: float = 0.0,
+    ) -> None:
+        t = np.asarray(times, dtype=float)
+        p = np.asarray(positions, dtype=float)
+        if len(t) < 4 or p.shape[:1] != t.shape:
+            raise ValueError(f"a track needs at least 4 samples of time and position, found {t.shape} and {p.shape}")
+        if not (np.all(np.isfinite(t)) and np.all(np.isfinite(p)) and np.all(np.diff(t) > 0.0)):
+            raise ValueError("a track needs finite numbers and strictly increasing times")
+        if not 0.0 <= start_time < t[-1] - t[0]:
+            raise ValueError(
+                f"start_time must lie within the {t[-1] - t[0]:.6g} s of the track, found {start_time:.6g}"
+            )
+        self._spline = CubicSpline((t - t[0] - start_time) * time_scale, p * length_scale, extrapolate=False)
+        self._shift = np.zeros(p.shape[1])
+        if start is not None:
+            self._shift = np.asarray(start, dtype=float) - self._spline(0.0)
+        self.duration = float((t[-1] - t[0] - start_time) * time_scale)
+        self.dimension = int(p.shape[1])
+
+    @classmethod
+    def from_csv(
+        cls,
+        path: str | Path,
+        dimension: int,
+        *,
+        length_scale: float = 1.0,
+        time_scale: float = 1.0,
+        start: ArrayLike | None = None,
+        start_time: float = 0.0,
+    ) -> TrackTarget:
+        """Read a track with the columns ``t,x,y[,z]`` (s, m) and a header line.
+
+        Raises
+        ------
+        ValueError
+            If columns are missing or cells are not numbers; the message names the file.
+        OSError
+            If the file cannot be read.
+        """
+        columns = ["t", "x", "y", "z"][: dimension + 1]
+        with Path(path).open(encoding="utf-8") as file:
+            header = [name.strip() for name in file.readline().split(",")]
+            if not set(columns) <= set(header):
+                raise ValueError(f"{path}: columns {', '.join(header)}; needed are {', '.join(columns)}")
+            rows = [line for line in file if line.strip()]
+            if not rows:
+                raise ValueError(f"{path}: no rows below the header")
+            try:
+                table = np.loadtxt(rows, delimiter=",", usecols=[header.index(name) for name in columns], ndmin=2)
+            except ValueError as fault:
+                raise ValueError(f"{path}: {fault}") from fault
+        try:
+            return cls(
+                table[:, 0],
+                table[:, 1:],
+                length_scale=length_scale,
+                time_scale=time_scale,
+                start=start,
+                start_time=start_time,
+            )
+        except ValueError as fault:
+            raise ValueError(f"{path}: {fault}") from fault
+
+    def position(self, times: ArrayLike) -> Array:
+        """P_T(t) ``(..., d)``.
+
+        Raises
+        ------
+        ValueError
+            Outside the recorded time.
+        """
+        position = self._spline(np.asarray(times, dtype=float))
+        if not np.all(np.isfinite(position)):
+            raise ValueError(
+                f"the track lasts from 0 to {self.duration:.6g} s, "
+                f"asked for {np.min(times):.6g} to {np.max(times):.6g} s"
+            )
+        return np.asarray(position + self._shift)

@@ -1,0 +1,75 @@
+"""From the data of a solve to the numbers of the nonlinear program."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.terms import JointObjective, MovingConstraint, Objective
+from gbt_ocp.ocp.transcription import limit_size
+from gbt_ocp.typing import Array
+
+
+def stack_parameters(term: Objective | JointObjective | MovingConstraint, bound: Mapping[str, Array]) -> Array:
+    """Numbers for the parameters of a term, one time a column ``(size, p)``, or ``(size, p+1)`` of a constraint."""
+    columns = [np.asarray(bound[name]).transpose(0, 2, 1).reshape(len(bound[name]), -1) for name in term.shapes]
+    return np.hstack(columns).T
+
+
+class Binding:
+    """Turns the start and the data of a solve into the parameter vector of a :class:`Transcription`."""
+
+    def __init__(self, problem: ProblemData) -> None:
+        self.problem = problem
+
+    def objective_parameters(self, data: Mapping[str, Any]) -> list[Array]:
+        """Parameters of each objective, one endpoint a column ``(size, p)``.
+
+        Raises
+        ------
+        ValueError
+            If something is missing, too short, or not finite.
+        """
+        return [self._bound(term, self.problem.pieces, data) for term in self.problem.objectives]
+
+    def limit_parameters(self, data: Mapping[str, Any]) -> list[Array]:
+        """Parameters of each constraint, one knot a column ``(size, p+1)``; an empty list if none has any.
+
+        Raises
+        ------
+        ValueError
+            As :meth:`objective_parameters`.
+        """
+        knots = self.problem.pieces + 1
+        if not any(limit_size(constraint) for constraint in self.problem.constraints):
+            return []
+        return [
+            self._bound(constraint, knots, data) if isinstance(constraint, MovingConstraint) else np.zeros((0, knots))
+            for constraint in self.problem.constraints
+        ]
+
+    def _bound(self, term: Objective | JointObjective | MovingConstraint, count: int, data: Mapping[str, Any]) -> Array:
+        values = term.bind(self.problem.pieces, data)
+        for name, shape in term.shapes.items():
+            found = np.shape(values[name])
+            if found != (count, *shape):
+                raise ValueError(f"{type(term).__name__}.{name}: shape {found}; allowed: {(count, *shape)}")
+            if not np.all(np.isfinite(values[name])):
+                raise ValueError(f"{type(term).__name__}.{name} is not finite")
+        return stack_parameters(term, values)
+
+    def vector(
+        self,
+        start: Array,
+        objectives: Sequence[Array],
+        penalties: Sequence[tuple[float, float]],
+        tightening: float,
+        limits: Sequence[Array] = (),
+    ) -> Array:
+        """The parameter vector, for these (ϖ, w_p) of each penalty."""
+        parts = [start.ravel(), *(values.T.ravel() for values in (*objectives, *limits))]
+        parts += [np.array([width, weight, tightening]) for width, weight in penalties]
+        return np.concatenate(parts)

@@ -1,0 +1,1 @@
+"""Solvers of the trajectory problem behind one protocol."""

@@ -1,0 +1,221 @@
+"""The compiled solver: generated derivatives and the C kernel, called from Python without copying."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from gbt_ocp.ocp.check import FINE_POINTS
+from gbt_ocp.ocp.codegen.library import build_library, kernel_files
+from gbt_ocp.ocp.codegen.problem_source import generate_problem
+from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.solvers.base import Solution
+from gbt_ocp.ocp.trajectory import FlatTrajectory
+from gbt_ocp.typing import Array
+
+STATUSES = ("solved", "limit violated", "iteration limit", "input not finite", "numerical failure")
+"""What the exit codes of the kernel are called."""
+
+
+@dataclass(frozen=True)
+class CompiledOptions:
+    """Options of the compiled solver (``solver_options`` of a configuration).
+
+    Attributes
+    ----------
+    tolerance
+        Largest gradient of the Lagrangian, per scaled unknown.
+    gap
+        Largest sum of the complementarity products of a piece, which bounds what its objective loses by the barrier.
+    feasibility
+        A hard limit counts as kept up to this, in units of the limit.
+    barrier
+        μ at a cold start.
+    warm_barrier
+        μ at a warm start, by default ``barrier`` up to five pieces and ``barrier (5/p)²`` beyond: the longer the
+        horizon, the nearer the shifted plan is to optimal.
+    limit_weight
+        c: weight of the l1 penalty that imposes the hard limits, exact while their multipliers stay below it.
+    iterations
+        Iterations of one start before another one is tried; by default 12 a piece, at least 60.
+    deadline
+        Iterations of all starts together, by default five times as many; the last iterate can still be judged.
+    """
+
+    tolerance: float = 1.0e-4
+    gap: float = 4.0e-4
+    feasibility: float = 1.0e-6
+    barrier: float = 1.0e-2
+    warm_barrier: float = 1.0e-2
+    limit_weight: float = 10.0
+    iterations: int = 60
+    deadline: int = 300
+
+    @classmethod
+    def checked(cls, options: Mapping[str, Any], pieces: int) -> CompiledOptions:
+        """From a mapping, for a problem with so many pieces.
+
+        Raises
+        ------
+        ValueError
+            If an option is unknown or not a positive number.
+        """
+        allowed = {field.name: field.type for field in fields(cls)}
+        for key, value in options.items():
+            if key not in allowed:
+                raise ValueError(f"solver_options.{key}: found {value!r}; allowed keys: {', '.join(allowed)}")
+            whole = allowed[key] == "int"
+            number = isinstance(value, int if whole else int | float) and not isinstance(value, bool)
+            if not (number and 0.0 < value < np.inf):
+                raise ValueError(f"solver_options.{key}: found {value!r}; allowed: a positive {'whole ' * whole}number")
+        iterations = options.get("iterations", max(60, 12 * pieces))
+        warm_barrier = options.get("barrier", cls.barrier) * min(5.0 / pieces, 1.0) ** 2
+        defaults = {"iterations": iterations, "deadline": 5 * iterations, "warm_barrier": warm_barrier}
+        return cls(**{**defaults, **options})
+
+
+_REALS = ("tolerance", "gap", "feasibility", "barrier", "warm_barrier", "limit_weight")
+
+
+class _Settings(ctypes.Structure):
+    _fields_ = [
+        *((name, ctypes.c_double) for name in _REALS),
+        *((name, ctypes.c_int) for name in ("iterations", "deadline")),
+    ]
+
+
+class _Result(ctypes.Structure):
+    _fields_ = [
+        *((name, ctypes.c_int) for name in ("status", "iterations", "starts")),
+        *((name, ctypes.c_double) for name in ("residual", "violation", "objective")),
+    ]
+
+
+@dataclass(frozen=True)
+class CompiledSolution(Solution):
+    """A solution with what the kernel reports beside it.
+
+    Attributes
+    ----------
+    starts
+        1, unless the solver had to begin again.
+    residual
+        Infinity norm of the gradient of the Lagrangian, per scaled unknown.
+    violation
+        Worst violation at the nodes of the limits as the solver sees them, back-off and tightening included, in units
+        of the limits; negative inside.
+    objective
+        Without penalty.
+    """
+
+    starts: int
+    residual: float
+    violation: float
+    objective: float
+
+
+class CompiledSolver:
+    """Interior-point solver in C99, generated for one problem.
+
+    The library is compiled once and kept in the user's cache.
+
+    Parameters
+    ----------
+    problem
+        What to solve.
+    options
+        See :class:`CompiledOptions`.
+
+    Raises
+    ------
+    ValueError
+        If an option is wrong, or the problem cannot be written as C.
+    gbt_ocp.ocp.codegen.library.CompilerError
+        If there is no working C compiler.
+    """
+
+    name = "compiled"
+
+    def __init__(self, problem: ProblemData, options: Mapping[str, Any]) -> None:
+        self._made_from = (problem, dict(options))
+        self._settings = _Settings(**asdict(CompiledOptions.checked(options, problem.pieces)))
+        self.library = build_library(kernel_files() | generate_problem(problem).files)
+        kernel = ctypes.CDLL(str(self.library))
+        kernel.gbt_workspace_bytes.restype = ctypes.c_size_t
+        self._workspace = np.zeros(kernel.gbt_workspace_bytes() // 8 + 1)
+        numbers = ctypes.c_void_p
+        arrays_before, arrays_after = [numbers] * 3, [numbers] * 3
+        kernel.gbt_solve.argtypes = [*arrays_before, ctypes.c_double, ctypes.c_int, *arrays_after]
+        self._solve = kernel.gbt_solve
+        kernel.gbt_check.argtypes = [numbers, numbers, ctypes.c_int, ctypes.c_int, numbers, numbers]
+        self._check = kernel.gbt_check
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A loaded library does not pickle; it is found again in the cache, or compiled, where the solver arrives.
+        return type(self), self._made_from
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options that were given."""
+        return dict(self._made_from[1])
+
+    @property
+    def workspace_bytes(self) -> int:
+        """Size of the kernel's workspace."""
+        return self._workspace.nbytes
+
+    def solve(
+        self,
+        start: Array,
+        objectives: Sequence[Array],
+        guess: Array,
+        *,
+        cold: bool,
+        tightening: float = 0.0,
+        limits: Sequence[Array] = (),
+    ) -> CompiledSolution:
+        """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.base.Solver.solve`."""
+        begin = np.ascontiguousarray(start, dtype=float)
+        parameters = np.concatenate([np.vstack(list(objectives)).T.ravel(), _moving(limits)])
+        variables = np.array(guess, dtype=float, order="C")
+        result = _Result()
+        self._solve(
+            ctypes.byref(self._settings),
+            begin.ctypes.data,
+            parameters.ctypes.data,
+            tightening,
+            not cold,
+            variables.ctypes.data,
+            self._workspace.ctypes.data,
+            ctypes.byref(result),
+        )
+        return CompiledSolution(
+            variables=variables,
+            solved=result.status == 0,
+            status=STATUSES[result.status],
+            iterations=result.iterations,
+            starts=result.starts,
+            residual=result.residual,
+            violation=result.violation,
+            objective=result.objective,
+        )
+
+    def check(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
+        """The same as :class:`gbt_ocp.ocp.check.LimitCheck`, from the compiled limits."""
+        start = np.ascontiguousarray(trajectory.start, dtype=float)
+        top = np.ascontiguousarray(trajectory.top, dtype=float)
+        violation = np.empty(len(top))
+        moving = _moving([values[:, : len(top) + 1] for values in limits])
+        self._check(
+            start.ctypes.data, top.ctypes.data, len(top), FINE_POINTS, moving.ctypes.data, violation.ctypes.data
+        )
+        return violation
+
+
+def _moving(limits: Sequence[Array]) -> Array:
+    """Parameters of all constraints, knot by knot."""
+    return np.ascontiguousarray(np.vstack(limits).T, dtype=float).ravel() if limits else np.zeros(0)

@@ -1,0 +1,174 @@
+"""Objectives of the trajectory problem: sums over the endpoints of the pieces, to be maximised.
+
+An objective says what it needs for one endpoint (:attr:`shapes`), how it is computed there from CasADi symbols
+(:meth:`value`), and how those numbers come out of what the caller hands to a solve (:meth:`bind`). Nothing here knows
+where a forecast comes from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol, runtime_checkable
+
+from gbt_ocp.ocp.trajectory import FlatPoint
+from gbt_ocp.typing import Array
+
+
+class Moments(Protocol):
+    """Mean and covariance of a predicted position at the endpoints t_{k+1}, t_{k+2} and so on."""
+
+    @property
+    def mean(self) -> Array:
+        """μ ``(>=p, d)`` in metres."""
+
+    @property
+    def covariance(self) -> Array:
+        """Σ ``(>=p, d, d)`` in m²."""
+
+
+class Objective(Protocol):
+    """A term of the objective: summed over the endpoints and maximised."""
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[int, int]]:
+        """Parameters of one endpoint: name to matrix shape."""
+
+    def value(self, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
+        """The term at one endpoint, a CasADi scalar."""
+
+    def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
+        """Numbers for the parameters, ``(p, *shape)`` each, from the data given to a solve."""
+
+
+@runtime_checkable
+class JointObjective(Protocol):
+    """A term of the objective that couples the endpoints, maximised like a sum over them.
+
+    Only IPOPT takes it: the compiled solver's factorisation rests on sums over endpoints.
+    """
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[int, int]]:
+        """Parameters of one endpoint: name to matrix shape."""
+
+    def total(self, points: Sequence[FlatPoint], parameters: Sequence[Mapping[str, Any]]) -> Any:
+        """The term of all endpoints together, a CasADi scalar."""
+
+    def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
+        """Numbers for the parameters, ``(p, *shape)`` each, from the data given to a solve."""
+
+
+@runtime_checkable
+class FromMoments(Protocol):
+    """An objective whose parameters follow from mean, covariance and desired bearing alone.
+
+    It can be generated as C together with the whole step of the planner.
+    """
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[int, int]]:
+        """Parameters of one endpoint: name to matrix shape."""
+
+    def from_moments(self, mean: Any, root: Any, desired: Any) -> Mapping[str, Any]:
+        """CasADi expressions of the parameters at one endpoint.
+
+        Parameters
+        ----------
+        mean
+            μ ``(d,)``.
+        root
+            Symmetric square root of Σ ``(d, d)``.
+        desired
+            Desired bearing λ* ``(d,)``.
+        """
+
+
+def needed(data: Mapping[str, Any], name: str, reader: object) -> Any:
+    """The entry ``name`` of the data of a solve, or a clear error.
+
+    Raises
+    ------
+    ValueError
+        If the entry is missing.
+    """
+    if data.get(name) is None:
+        given = sorted(key for key, value in data.items() if value is not None)
+        raise ValueError(f"{type(reader).__name__} needs '{name}'; given: {', '.join(given) or 'nothing'}")
+    return data[name]
+
+
+class PathConstraint(Protocol):
+    """``lower <= value(z, ż, z̈) <= upper`` at every time."""
+
+    @property
+    def lower(self) -> Array:
+        """True lower bounds ``(m,)``; ``-inf`` where there is none."""
+
+    @property
+    def upper(self) -> Array:
+        """True upper bounds ``(m,)``; ``inf`` where there is none."""
+
+    @property
+    def backoff(self) -> Array:
+        """How far inside the true bounds the solver is kept ``(m,)``, against what happens between nodes."""
+
+    @property
+    def scale(self) -> Array:
+        """Unit in which a violation is reported ``(m,)``."""
+
+    def value(self, point: FlatPoint) -> Any:
+        """The bounded quantities ``(m,)``, a CasADi expression."""
+
+
+@runtime_checkable
+class MovingConstraint(Protocol):
+    """A path constraint that depends on numbers that change along the trajectory and from solve to solve.
+
+    Bounds, back-off and scale are those of :class:`PathConstraint`. The numbers are given at the knots, the boundaries
+    of the pieces, and are linear in time between them.
+    """
+
+    @property
+    def lower(self) -> Array:
+        """See :class:`PathConstraint`."""
+
+    @property
+    def upper(self) -> Array:
+        """See :class:`PathConstraint`."""
+
+    @property
+    def backoff(self) -> Array:
+        """See :class:`PathConstraint`."""
+
+    @property
+    def scale(self) -> Array:
+        """See :class:`PathConstraint`."""
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[int, int]]:
+        """Parameters at one time: name to matrix shape."""
+
+    def value(self, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
+        """The bounded quantities ``(m,)``, a CasADi expression."""
+
+    def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
+        """Numbers for the parameters at the knots, ``(p+1, *shape)`` each, from the data given to a solve."""
+
+
+@runtime_checkable
+class LimitFromMoments(Protocol):
+    """A moving constraint whose numbers at a knot follow from mean and covariance of the target's position then.
+
+    It can be generated as C together with the whole step of the planner.
+    """
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[int, int]]:
+        """Parameters at one time: name to matrix shape."""
+
+    def at_knot(self, mean: Any, covariance: Any) -> Mapping[str, Any]:
+        """CasADi expressions of the parameters, from μ ``(d,)`` and Σ ``(d, d)``."""
+
+
+Constraint = PathConstraint | MovingConstraint
+"""Whatever a problem can be subject to."""

@@ -1,0 +1,285 @@
+"""The closed loop (algorithm 2): sense, track, plan, move, and record what is needed to repeat or explain it."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from time import perf_counter
+from typing import Any, Literal, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gbt_ocp.guidance.pacing import PacedBearing
+from gbt_ocp.guidance.protocol import BearingGuidance, Guidance, Placement
+from gbt_ocp.models.bearings import DesiredBearing, condition_number, cumulative_bearing_matrix
+from gbt_ocp.models.sensors import BearingSensor
+from gbt_ocp.models.targets import Target
+from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.ocp.plan import Plan, ShootingPlan
+from gbt_ocp.simulation.mover import Mover
+from gbt_ocp.tracking.protocol import Forecast, GaussianProcess, PositionTracker, Tracker
+from gbt_ocp.typing import Array
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """Everything that takes part in a run.
+
+    Attributes
+    ----------
+    target, sensor, tracker, guidance, vehicle
+        The parts.
+    desired
+        λ*(t), recorded beside what was measured, unless the guidance has its own ``desired``.
+    window
+        N_c, bearings that the recorded condition number counts.
+    forecast
+        n, positions predicted ahead.
+    forecast_period
+        Seconds between them; T in the paper.
+    follow
+        ``exact``: the vehicle follows the planned flat output. ``dynamics``: its forward dynamics are integrated under
+        the planned thrust, clipped to the limits. A piece that no thrust within the limits can follow (of a braking
+        plan, at worst) is clipped and integrated either way.
+    bound_delta
+        δ of the recorded error bound.
+    rng
+        Source of the sensor's draws, and of the noise of the positions that a :class:`PositionTracker` is given.
+    """
+
+    target: Target
+    sensor: BearingSensor
+    tracker: Tracker | PositionTracker
+    guidance: Guidance
+    vehicle: Vehicle
+    desired: DesiredBearing | PacedBearing
+    window: int
+    forecast: int
+    forecast_period: float
+    follow: Literal["exact", "dynamics"]
+    bound_delta: float
+    rng: np.random.Generator
+
+    # what a protocol says of an object takes as long to find out as a step of a cheap tracker: asked once a loop
+
+    @cached_property
+    def position_tracker(self) -> PositionTracker | None:
+        """The tracker, if it is given positions."""
+        return self.tracker if isinstance(self.tracker, PositionTracker) else None
+
+    @cached_property
+    def gaussian_process(self) -> GaussianProcess | None:
+        """The tracker, if it has hyperparameters and a bound."""
+        return self.tracker if isinstance(self.tracker, GaussianProcess) else None
+
+    @cached_property
+    def bearing_guidance(self) -> BearingGuidance | None:
+        """The guidance, if it is told of bearings."""
+        return self.guidance if isinstance(self.guidance, BearingGuidance) else None
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Arrays of a run, time first, by their names in the run folder, and what they leave out.
+
+    Attributes
+    ----------
+    arrays
+        One entry a quantity.
+    tightened
+        How often limits were tightened because a piece to be executed broke them between nodes.
+    nugget_retries
+        How often the tracker had to raise its nugget.
+    refused_bearings
+        Bearings that the tracker refused because they were none: not finite, not of length 1, or out of time.
+    held_forecasts
+        Steps in which the tracker's forecast was not finite and the guidance was given the one before.
+    clipped
+        Steps in which a plan asked for more thrust than there is, which was clipped.
+    """
+
+    arrays: dict[str, Array]
+    tightened: int
+    nugget_retries: int
+    refused_bearings: int = 0
+    held_forecasts: int = 0
+    clipped: int = 0
+
+
+Progress = Callable[[int, float, float], None]
+"""Called after each step with its number, the mean error in metres, and the solver's time in seconds."""
+
+
+def step_count(duration: float, period: float) -> int:
+    """Steps of a run: the first at t = 0, the last at the last whole period within the duration (both in seconds)."""
+    # a tenth is no binary number: 0.3/0.1 is a little less than 3
+    return int(duration / period + 1e-6) + 1
+
+
+def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Progress | None = None) -> Recording:
+    """Run the closed loop.
+
+    A bearing that the tracker refuses counts as missed. A forecast that is not finite is recorded as it is, but the
+    guidance is given the last finite one in its place, a period further on.
+
+    Parameters
+    ----------
+    loop
+        The parts.
+    start
+        Derivatives 0 … L-1 of the flat output at t = 0 ``(L, n)``.
+    duration
+        In seconds; see :func:`step_count`.
+    progress
+        Called after each step.
+    """
+    period, vehicle = loop.sensor.period, loop.vehicle
+    mover = Mover(vehicle, period, loop.follow)
+    flat = np.asarray(start, dtype=float)
+    state = vehicle.state(flat[0], flat[1])
+    rows: list[dict[str, Any]] = []
+    seen: deque[Array] = deque(maxlen=loop.window)
+    tightened = refused = held = clipped = 0
+    usable: Forecast | None = None
+    underway: deque[tuple[float, Array, Array, Array]] = deque()
+    for k in range(step_count(duration, period)):
+        t = k * period
+        times = np.asarray(t + loop.forecast_period * np.arange(loop.forecast + 1), dtype=float)
+        truth = loop.target.position(times)
+        own = vehicle.pose(state)[: loop.target.dimension]
+        bearing = loop.sensor.measure(k, truth[0], own, loop.rng)
+        position = _measured_position(loop, truth[0])
+
+        began = perf_counter()
+        latest: Array | None = None
+        if bearing is not None:
+            underway.append((t, bearing, own, position))
+        while underway and underway[0][0] <= t - loop.sensor.latency + 1e-9:
+            measured, arrived, there, whole = underway.popleft()
+            if _taken(loop, measured, arrived, there, whole):
+                seen.append(arrived)
+                latest = arrived
+            else:
+                refused += 1
+                bearing = None if measured == t else bearing
+        forecast = loop.tracker.predict(times)
+        tracker_time = perf_counter() - began
+
+        finite = _is_finite(forecast)
+        held += not finite
+        usable = forecast if finite else _held(usable, own, len(times))
+        if loop.bearing_guidance is not None:
+            loop.bearing_guidance.see(latest)
+        decision = loop.guidance.decide(t, flat, usable)
+        if isinstance(decision, Plan):
+            move = mover.follow(decision)
+        elif isinstance(decision, Placement):
+            move = mover.place(state, decision.position)
+        else:
+            move = mover.hold(state, decision.thrust[0] if isinstance(decision, ShootingPlan) else decision)
+        clipped += move.clipped
+        row: dict[str, Any] = {
+            "t": t,
+            "vehicle_pose": vehicle.pose(state),
+            "vehicle_velocity": vehicle.velocity(state),
+            "thrust": move.thrust,
+            "piece_thrust_peak": move.thrust_peak,
+            "target": truth[0],
+            "bearing": np.full(loop.target.dimension, np.nan) if bearing is None else bearing,
+            "desired_bearing": getattr(loop.guidance, "desired", loop.desired)(t),
+            "detected": bearing is not None,
+            "forecast_mean": forecast.mean,
+            "forecast_cov": forecast.covariance,
+            "error": np.linalg.norm(forecast.mean - truth, axis=1),
+            "condition_number": condition_number(cumulative_bearing_matrix(seen)) if seen else np.inf,
+            "tracker_time": tracker_time,
+        }
+        if isinstance(decision, Plan | ShootingPlan):
+            tightened += decision.tightened
+        rows.append(row | _tracker_columns(loop, times) | _solver_columns(decision, vehicle))
+        if progress is not None:
+            progress(k, float(np.mean(row["error"])), rows[-1]["solver_time"])
+        flat, state = move.flat, move.state
+    longest = max(len(row["plan"]) for row in rows)
+    for row in rows:  # where nothing is planned yet there are no endpoints
+        row["plan"] = np.pad(row["plan"], ((0, longest - len(row["plan"])), (0, 0)), constant_values=np.nan)
+    arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    retries = loop.gaussian_process.nugget_retries if loop.gaussian_process is not None else 0
+    return Recording(arrays, tightened, retries, refused, held, clipped)
+
+
+def _taken(loop: ClosedLoop, time: float, bearing: Array, own: Array, position: Array) -> bool:
+    """Give the tracker what was measured; whether it took it."""
+    try:
+        if loop.position_tracker is not None:
+            loop.position_tracker.update_position(time, position)
+        else:
+            cast(Tracker, loop.tracker).update(time, bearing, own)
+    except ValueError:  # no bearing at all, by the tracker's protocol; the tracker is unchanged
+        return False
+    return True
+
+
+def _is_finite(forecast: Forecast) -> bool:
+    """Whether a plan can be made for it; a covariance of NaN says that there is none."""
+    return bool(np.all(np.isfinite(forecast.mean)) and not np.any(np.isinf(forecast.covariance)))
+
+
+def _held(last: Forecast | None, own: Array, count: int) -> Forecast:
+    """The last usable forecast a period further on; without any, the vehicle's own position."""
+    if last is None:
+        return Forecast(np.tile(own, (count, 1)), np.full((count, own.size, own.size), np.nan))
+    return Forecast(*(np.concatenate([moments[1:], moments[-1:]]) for moments in last))
+
+
+def _measured_position(loop: ClosedLoop, target: Array) -> Array:
+    """What a tracker of positions is given ``(d,)``, drawn whether or not it is missed; others see no position."""
+    tracker = loop.position_tracker
+    if tracker is None:
+        return np.full(target.shape, np.nan)
+    return np.asarray(target + tracker.position_std * loop.rng.standard_normal(target.shape))
+
+
+def _tracker_columns(loop: ClosedLoop, times: Array) -> dict[str, Any]:
+    """Hyperparameters and error bound; NaN from a tracker that has none."""
+    tracker = loop.gaussian_process
+    if tracker is None:
+        unknown = dict.fromkeys(("length_scale", "amplitude", "nugget"), np.nan)
+        dimension = loop.target.dimension
+        return {**unknown, "prior_cov": np.full((dimension,) * 2, np.nan), "bound": np.full(len(times), np.nan)}
+    theta = tracker.hyperparameters
+    return {
+        "length_scale": theta.length_scale,
+        "amplitude": theta.amplitude,
+        "nugget": theta.nugget,
+        "prior_cov": tracker.prior_covariance,
+        "bound": tracker.bound(times, loop.bound_delta),
+    }
+
+
+def _solver_columns(decision: Plan | ShootingPlan | Placement | Array, vehicle: Vehicle) -> dict[str, Any]:
+    """What is recorded of a plan; neutral entries where no problem was solved."""
+    if isinstance(decision, Plan | ShootingPlan):
+        ends = decision.knots[1:]
+        return {
+            "objective": decision.objective,
+            "violation": decision.violation,
+            "solver_status": decision.status,
+            "solver_iterations": decision.iterations,
+            "solver_time": decision.solve_time,
+            "fallback": decision.fallback,
+            # as poses: the flat output of a vehicle need not be one
+            "plan": np.array([vehicle.pose(vehicle.state(end[0], end[1])) for end in ends]),
+        }
+    return {
+        "objective": np.nan,
+        "violation": np.nan,
+        "solver_status": "",
+        "solver_iterations": 0,
+        "solver_time": np.nan,
+        "fallback": "",
+        "plan": np.zeros((0, vehicle.position_dimension + 1)),
+    }

@@ -1,0 +1,113 @@
+"""A recorded log, and what a tracker makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from gbt_ocp.models.bearings import tangent_basis
+from gbt_ocp.tracking.protocol import Tracker, relative_range_std
+from gbt_ocp.typing import Array
+
+
+@dataclass(frozen=True)
+class ReplayedTrack:
+    """What one tracker made of a log, at the time of each of its K bearings.
+
+    Attributes
+    ----------
+    name
+        Of the tracker.
+    times
+        ``(K,)`` in seconds.
+    mean, covariance
+        Position after the bearing, ``(K, d)`` in m and ``(K, d, d)`` in m²; NaN where the tracker has none.
+    ahead_mean, ahead_covariance
+        The same predicted ``ahead_s`` ahead.
+    residual
+        Measured bearing less the one predicted before it was known, in the tangent plane, ``(K, d-1)`` in radians.
+    seconds
+        Time the update took ``(K,)``.
+    """
+
+    name: str
+    times: Array
+    mean: Array
+    covariance: Array
+    ahead_mean: Array
+    ahead_covariance: Array
+    residual: Array
+    seconds: Array
+
+    def range_std_over_range(self, own: Array) -> Array:
+        """Posterior deviation of the range over the range, seen from ``own`` ``(K, d)``: ``(K,)``."""
+        return relative_range_std(self.mean, self.covariance, own)
+
+
+def _followed(
+    name: str,
+    tracker: Tracker,
+    log: BearingLog,
+    ahead: float,
+    progress: Callable[[str, int, int], None] | None,
+) -> ReplayedTrack:
+    count, d = log.own.shape
+    means, covariances = np.empty((2, count, d)), np.empty((2, count, d, d))
+    residual, seconds = np.full((count, d - 1), np.nan), np.empty(count)
+    for k, t in enumerate(log.times):
+        if k:
+            residual[k] = _angle_from(tracker.predict([t]).mean[0] - log.own[k], log.bearings[k])
+        began = perf_counter()
+        tracker.update(t, log.bearings[k], log.own[k])
+        seconds[k] = perf_counter() - began
+        forecast = tracker.predict([t, t + ahead])
+        means[:, k], covariances[:, k] = forecast.mean, forecast.covariance
+        if progress is not None:
+            progress(name, k + 1, count)
+    return ReplayedTrack(name, log.times, means[0], covariances[0], means[1], covariances[1], residual, seconds)
+
+
+def _angle_from(line: Array, bearing: Array) -> Array:
+    """Angle from a line of sight to a bearing, along the tangent plane of the line ``(d-1,)`` in radians."""
+    distance = float(np.linalg.norm(line))
+    if not distance > 0.0 or not np.isfinite(distance):
+        return np.full(len(line) - 1, np.nan)
+    unit = line / distance
+    tangent = tangent_basis(unit).T @ bearing
+    sine = float(np.linalg.norm(tangent))
+    return np.asarray(tangent * (np.arctan2(sine, unit @ bearing) / sine if sine > 1e-12 else 1.0))
+
+
+@dataclass(frozen=True)
+class BearingLog:
+    """K bearings in the order of time.
+
+    Attributes
+    ----------
+    times
+        When they were measured ``(K,)`` in seconds: the time stamps less the latency.
+    own
+        Own positions then ``(K, d)`` in metres.
+    bearings
+        ``(K, d)``, unit vectors.
+    truth
+        The target's positions ``(K, d)`` in metres, NaN where they are not known; ``None`` if the log has none.
+    """
+
+    times: Array
+    own: Array
+    bearings: Array
+    truth: Array | None
+
+    @property
+    def dimension(self) -> int:
+        """Space dimension d."""
+        return int(self.own.shape[1])
+
+    @property
+    def period(self) -> float:
+        """Median time between bearings in seconds."""
+        return float(np.median(np.diff(self.times)))

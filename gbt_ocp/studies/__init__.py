@@ -1,0 +1,1 @@
+"""The paper repeated, and treatments of limits compared."""

@@ -1,0 +1,153 @@
+"""How a task is carried out, in this process or in a worker; its file is written at once and whole."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from time import process_time
+
+from gbt_ocp.experiments.interrupts import interrupted_between_steps
+from gbt_ocp.ocp.codegen.library import find_compiler
+from gbt_ocp.studies.limits.checks import check_problems, check_rows
+from gbt_ocp.studies.limits.problems import Check, Problems, draw, joined, record, unasked
+from gbt_ocp.studies.limits.runs import run_treated
+from gbt_ocp.studies.limits.sensitivity import solve_sweep
+from gbt_ocp.studies.limits.solves import best_chunk, solve_chunk
+from gbt_ocp.studies.limits.tables import Row, write_rows
+from gbt_ocp.studies.limits.tasks import Plan, Task
+from gbt_ocp.studies.limits.treatments import COMPILED, IPOPT, Pair, treated
+
+PARTS, PROBLEMS, COSTS = "parts", "problems", "costs.txt"
+
+RECORDED_UNDER = ("hard", "elastic")
+"""Runs are recorded under hard limits and under the penalty in turn, so that warm starts favour neither."""
+
+
+@dataclass(frozen=True)
+class CarryOut:
+    """Carries out tasks of a plan in a folder.
+
+    Attributes
+    ----------
+    plan, folder
+        Whose tasks, and where their files go.
+    home
+        Process that the user interrupts. Another process leaves that to it: CasADi would swallow the interrupt and
+        report a failed solve.
+    """
+
+    plan: Plan
+    folder: Path
+    home: int
+
+    def __call__(self, task: Task) -> bool:
+        """Carry out one task."""
+        here = os.getpid() == self.home
+        if not here:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+        began = process_time()
+        with interrupted_between_steps() if here else nullcontext(unasked) as check:
+            result = self._result(task, check)
+            check()
+        # One short line at the end of the file: processes that write at once do not mix them up. Before the part: a
+        # process that is killed between the two leaves no part without its costs.
+        with (self.folder / COSTS).open("a", encoding="utf-8") as stream:
+            stream.write(f"{task.name} {process_time() - began:.3f}\n")
+        path = self.folder / PARTS / task.name
+        if isinstance(result, Problems):
+            result.save(path)
+        else:
+            write_rows(path, result)
+        return True
+
+    def _result(self, task: Task, check: Check) -> Problems | list[Row]:
+        configuration = self.plan.configurations[task.case]
+        if task.kind == "record":
+            under = treated(configuration, RECORDED_UNDER[task.argument % len(RECORDED_UNDER)])
+            return record(under.model_copy(update={"seed": task.argument}), self.plan.recorded_a_run, check)
+        if task.kind == "loop":
+            assert task.pair is not None
+            return [run_treated(configuration.model_copy(update={"seed": task.argument}), task.pair, check)]
+        problems = load_problems(problems_file(self.folder, configuration.name))
+        if task.kind == "best":
+            return best_chunk(configuration, problems, task.argument, _searchers(), check)
+        if task.kind == "sweep":
+            return solve_sweep(configuration, problems, task.argument, check)
+        assert task.pair is not None
+        mode, numbers = task.argument
+        return solve_chunk(configuration, problems, numbers, task.pair, mode, check=check)
+
+
+def problems_file(folder: Path, case: str) -> Path:
+    """Where the problems of an experiment are kept."""
+    return folder / PROBLEMS / f"{case}.npz"
+
+
+def gather_problems(plan: Plan, folder: Path) -> list[int]:
+    """Put the recorded problems of each experiment and its random ones into one file; returns how many each has."""
+    sizes = []
+    for configuration in plan.configurations:
+        path = problems_file(folder, configuration.name)
+        if path.is_file():
+            try:
+                check_problems(load_problems(path), configuration, range(plan.runs), plan.random)
+            except ValueError as fault:
+                _remove(path, fault)
+        if not path.is_file():
+            parts = [folder / PARTS / f"record-{configuration.name}-{run}.npz" for run in range(plan.runs)]
+            joined([*map(Problems.load, parts), draw(configuration, plan.random)]).save(path)
+        sizes.append(len(load_problems(path)))
+    return sizes
+
+
+def is_whole(task: Task, plan: Plan, folder: Path) -> bool:
+    """Whether the file of a task is there and sound; one that is damaged is removed, and a line says so."""
+    path, configuration = folder / PARTS / task.name, plan.configurations[task.case]
+    if not path.is_file():
+        return False
+    try:
+        if task.kind == "record":
+            check_problems(Problems.load(path), configuration, [task.argument], 0)
+        else:
+            check_rows(path, task, plan, load_problems(problems_file(folder, configuration.name)))
+    except ValueError as fault:
+        _remove(path, fault)
+        return False
+    return True
+
+
+def _remove(path: Path, fault: ValueError) -> None:
+    print(f"{path}: damaged ({fault}); it is made again", file=sys.stderr)
+    path.unlink()
+
+
+def load_problems(path: Path) -> Problems:
+    """Problems of a file, kept from the last call."""
+    state = path.stat()
+    return _loaded(path, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=2)
+def _loaded(path: Path, changed: int, size: int) -> Problems:
+    return Problems.load(path)
+
+
+def _searchers() -> list[Pair]:
+    """Who looks for the best known solutions: the fast solver where there is one."""
+    return [Pair(name, COMPILED if find_compiler() else IPOPT) for name in ("hard", "elastic")]
+
+
+def costs(folder: Path) -> dict[str, float]:
+    """Processor time in s of the tasks that were carried out, by name."""
+    path = folder / COSTS
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
+    found = {}
+    for name, _, seconds in (line.rpartition(" ") for line in lines):
+        with suppress(ValueError):  # a damaged line: the costs of that task are not known
+            found[name] = float(seconds)
+    return found

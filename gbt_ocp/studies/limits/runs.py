@@ -1,0 +1,70 @@
+"""The same seeds in closed loop under each treatment."""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from gbt_ocp.experiments.build.loop import build_loop
+from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.guidance.planned import PlannedMotion
+from gbt_ocp.simulation.history import History
+from gbt_ocp.simulation.loop import simulate
+from gbt_ocp.simulation.summary import FALLBACKS, installed_versions, summarise
+from gbt_ocp.studies.limits.problems import Check, unasked
+from gbt_ocp.studies.limits.treatments import Pair, kept_planner, treated
+
+Row = dict[str, Any]
+
+SETTLING_S = 2.0
+"""Time from which errors and condition numbers count as settled."""
+
+
+def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked) -> Row:
+    """One run, in which the planner answers for its solver as ever: it checks, tightens and falls back.
+
+    ``check`` is called after each step.
+
+    Returns
+    -------
+    Its row: errors and distance in m, the largest thrust over its limit that was executed, and what the planner had
+    to do for it.
+    """
+    loop, start = build_loop(treated(configuration, "hard"))
+    assert isinstance(loop.guidance, PlannedMotion), "checked before anything runs"
+    loop.guidance.planner = kept_planner(configuration, pair)
+    began = perf_counter()
+    recording = simulate(loop, start, configuration.duration_s, lambda *_: check())
+    history = History(**recording.arrays)  # type: ignore[arg-type]  # names and kinds are checked there
+    summary = summarise(
+        history,
+        period=configuration.sensor.period_s,
+        seed=configuration.seed,
+        settling=SETTLING_S,
+        wall_s=perf_counter() - began,
+        solver_first_try=(history.solver_status == "solved") & (history.fallback == ""),
+        retries={"tightened": recording.tightened, "nugget": recording.nugget_retries, "clipped": recording.clipped},
+        versions=installed_versions(),
+    )
+    settled = history.condition_number[history.t >= SETTLING_S - 1e-9]
+    kept = (
+        "error_mean", "error_settled", "error_final", "distance_median", "distance_min",
+        "similarity_mean_second_half", "violation_max", "objective_mean", "solver_success_rate",
+        "solver_iterations_mean", "solver_time_median_ms", "solver_time_max_ms", "steps", "wall_s",
+    )  # fmt: skip
+    fallbacks = {word: summary["fallbacks"].get(word, 0) for word in FALLBACKS}
+    others = sum(summary["fallbacks"].values()) - sum(fallbacks.values())
+    return {
+        "case": configuration.name,
+        "run": configuration.seed,
+        "formulation": pair.formulation,
+        "solver": pair.solver,
+        **{key: summary[key] for key in kept},
+        "condition_median": float(np.median(settled)) if settled.size else None,
+        "tightened": recording.tightened,
+        "clipped": recording.clipped,
+        **{f"fallbacks_{word}": count for word, count in fallbacks.items()},
+        "fallbacks_other": others,
+    }

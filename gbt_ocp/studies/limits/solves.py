@@ -1,0 +1,233 @@
+"""Every treatment on exactly the same problems: one solve, judged by the same yardsticks.
+
+The yardsticks belong to no treatment: the objective without penalty, and the true thrust limits at the nodes and on
+the fine grid between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from time import thread_time
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.check import LimitCheck
+from gbt_ocp.ocp.plan import ShootingPlan
+from gbt_ocp.ocp.planner import Planner
+from gbt_ocp.ocp.shooting import ShootingPlanner
+from gbt_ocp.ocp.trajectory import FlatTrajectory
+from gbt_ocp.ocp.transcription import input_scale
+from gbt_ocp.studies.limits.problems import Check, Instance, Problems, unasked
+from gbt_ocp.studies.limits.treatments import Pair, kept_planner
+from gbt_ocp.typing import Array
+
+Row = dict[str, Any]
+
+COLD, WARM = "cold", "warm"
+MODES = (COLD, WARM)
+"""Cold starts from coasting, warm ones from the rest of the plan that was made one step before in the recorded run."""
+
+STARTS = 8
+"""Guesses a formulation that the best known solution is looked for from, beside all that is solved anyway."""
+
+KEPT = 1.0e-6
+"""Violation of a true limit, in units of it, up to which it counts as kept."""
+
+
+class Judgement(NamedTuple):
+    """Objective without penalty, and largest signed violation of the true limits at the nodes and between them."""
+
+    objective: float
+    nodes: float
+    between: float
+
+
+class Judge:
+    """Judges flat trajectories.
+
+    Parameters
+    ----------
+    planner
+        Of any formulation: its problem gives objective, limits and n_c.
+    """
+
+    def __init__(self, planner: Planner) -> None:
+        self._planner = planner
+        problem = planner.problem
+        nodes = (problem.hard[0] if problem.hard else problem.penalties[0]).nodes
+        self._nodes, self._fine = LimitCheck(problem, nodes + 1), LimitCheck(problem)
+
+    def __call__(self, trajectory: FlatTrajectory, parameters: list[Array], limits: list[Array]) -> Judgement:
+        """Judge a trajectory for these parameters of objectives and constraints."""
+        if not np.all(np.isfinite(trajectory.top)):
+            return Judgement(np.nan, np.nan, np.nan)
+        objective = self._planner.objective(trajectory, parameters)
+        nodes, between = self._nodes(trajectory, limits).max(), self._fine(trajectory, limits).max()
+        return Judgement(objective, float(nodes), float(between))
+
+
+def is_possible(instance: Instance, mode: str) -> bool:
+    """Whether a problem can be solved in this mode: a warm start needs a previous plan."""
+    return mode == COLD or instance.previous is not None
+
+
+def solve_chunk(
+    configuration: Configuration,
+    problems: Problems,
+    numbers: Sequence[int],
+    pair: Pair,
+    mode: str,
+    *,
+    planner: Any = None,
+    check: Check = unasked,
+    **changes: Any,
+) -> list[Row]:
+    """Solve some of the problems with a pair, or with a given planner; ``changes`` replace keys of ``planner``.
+
+    ``check`` is called before each.
+
+    Returns
+    -------
+    One row a problem. ``time_ms`` is processor time of the thread; that of multiple shooting includes the integration
+    of the finished plan.
+    """
+    planner = planner or kept_planner(configuration, pair, **changes)
+    solve = _Shooting(planner) if isinstance(planner, ShootingPlanner) else _Flat(planner)
+    possible = [k for k in numbers if is_possible(problems[k], mode)]
+    if possible:
+        # the first call pays for what is set up late
+        solve(problems[possible[0]], mode)
+    rows = []
+    for k in possible:
+        check()
+        rows.append(
+            {
+                "case": configuration.name,
+                "origin": str(problems.origin[k]),
+                "run": int(problems.run[k]),
+                "problem": k,
+                "mode": mode,
+                "formulation": pair.formulation,
+                "solver": pair.solver,
+                **solve(problems[k], mode),
+            }
+        )
+    return rows
+
+
+def _row(solved: bool, status: str, iterations: int, seconds: float, judgement: Judgement) -> Row:
+    return {
+        "solved": int(solved),
+        "status": status,
+        "iterations": iterations,
+        "time_ms": 1e3 * seconds,
+        "objective": judgement.objective,
+        "violation_nodes": judgement.nodes,
+        "violation_between": judgement.between,
+    }
+
+
+class _Flat:
+    """One call of the solver behind a planner: no check, tightening or fallback helps it."""
+
+    def __init__(self, planner: Planner) -> None:
+        self._planner, self._judge = planner, Judge(planner)
+        self._binding, self._scale = Binding(planner.problem), input_scale(planner.problem)
+        self.shape = planner.problem.pieces, planner.problem.freedoms
+
+    def __call__(self, instance: Instance, mode: str) -> Row:
+        guess = self._planner.cold_guess(instance.start)
+        if mode == WARM:
+            assert instance.previous is not None
+            guess = instance.previous.shifted().top / self._scale
+        return self.start_from(guess, instance, mode == COLD)
+
+    def start_from(self, guess: Array, instance: Instance, cold: bool = True) -> Row:
+        """Solve from a guess u ``(p, n)``."""
+        parameters = self._binding.objective_parameters(instance.data)
+        limits = self._binding.limit_parameters(instance.data)
+        began = thread_time()
+        found = self._planner.solver.solve(instance.start, parameters, guess, cold=cold, tightening=0.0, limits=limits)
+        seconds = thread_time() - began
+        trajectory = FlatTrajectory(self._planner.problem.period, instance.start, found.variables * self._scale)
+        return _row(found.solved, found.status, found.iterations, seconds, self._judge(trajectory, parameters, limits))
+
+
+class _Shooting:
+    """One call of multiple shooting; a warm start holds the thrust that the recorded plan has half way."""
+
+    def __init__(self, planner: ShootingPlanner) -> None:
+        self._planner, self._vehicle = planner, planner.problem.vehicle
+
+    def __call__(self, instance: Instance, mode: str) -> Row:
+        self._planner.previous = None
+        if mode == WARM:
+            assert instance.previous is not None
+            self._planner.previous = held_half_way(instance.previous, self._vehicle, self._planner.gamma)
+        began = thread_time()
+        plan = self._planner.solve(instance.start, **instance.data)
+        seconds = thread_time() - began
+        worst = float(plan.piece_violation.max())
+        return _row(plan.solved, plan.status, plan.iterations, seconds, Judgement(plan.objective, worst, worst))
+
+
+def held_half_way(trajectory: FlatTrajectory, vehicle: Vehicle, gamma: float) -> ShootingPlan:
+    """The plan that holds, over each piece, the thrust of a flat trajectory half way, within γ of the limits."""
+    middle = trajectory.sample(3)
+    thrust = np.array(
+        [np.asarray(vehicle.inputs(*(order[i, 1] for order in middle))).ravel() for i in range(trajectory.pieces)]
+    )
+    held = np.clip(thrust / vehicle.thrust_max, -gamma, gamma)
+    return ShootingPlan(
+        thrust=held * vehicle.thrust_max,
+        knots=trajectory.knots[:, :2],
+        held=held,
+        status="solved",
+        objective=np.nan,
+        violation=0.0,
+        piece_violation=np.zeros(trajectory.pieces),
+        iterations=0,
+        solve_time=0.0,
+    )
+
+
+def best_chunk(
+    configuration: Configuration, problems: Problems, numbers: Sequence[int], pairs: list[Pair], check: Check = unasked
+) -> list[Row]:
+    """Look for the best solution of some problems from many starts.
+
+    Each pair starts from coasting, from the recorded plan where there is one, and from draws of every scaled unknown
+    uniform in [-1, 1], :data:`STARTS` in all.
+
+    Returns
+    -------
+    One row a problem: the highest objective of the trajectories that keep the true limits on the fine grid (NaN if
+    none does), and how many starts led within 1e-3 of it.
+    """
+    solvers = [_Flat(kept_planner(configuration, pair)) for pair in pairs]
+    rows = []
+    for k in numbers:
+        instance, found = problems[k], []
+        rng = np.random.default_rng([configuration.seed, k])
+        for solve in solvers:
+            modes = [mode for mode in MODES if is_possible(instance, mode)]
+            answers = [solve(instance, mode) for mode in modes]
+            check()
+            for _ in range(STARTS - len(modes)):
+                answers.append(solve.start_from(rng.uniform(-1.0, 1.0, solve.shape), instance))
+            found += [one["objective"] for one in answers if one["solved"] and one["violation_between"] <= KEPT]
+        best = max(found, default=np.nan)
+        rows.append(
+            {
+                "case": configuration.name,
+                "problem": k,
+                "best": best,
+                "near_best": sum(value >= best - 1e-3 for value in found),
+                "starts": STARTS * len(pairs),
+            }
+        )
+    return rows

@@ -1,0 +1,245 @@
+"""The verdict in words: every sentence is made from tables, and names them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+from gbt_ocp.studies.limits.tables import Row, column
+from gbt_ocp.studies.limits.treatments import Pair
+
+Tables = Mapping[str, list[Row]]
+
+ROUND_OFF = 1.0e-9
+"""Executed violation that still counts as round-off."""
+
+TRUSTED = 0.99
+"""Share of the problems solved with the true limits kept from which a pair may be called the fastest or the best."""
+
+
+def verdict(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
+    """Sentences, the general ones first; each ends with the tables that it rests on."""
+    return [
+        *_winners(tables, pairs),
+        *(_of_pair(tables, pair, pairs[0]) for pair in pairs),
+        *_hard_against_penalty(tables, pairs),
+        *_nodes(tables, pairs),
+        *_closed_loops(tables, pairs),
+        *_stiffness(tables),
+    ]
+
+
+def _rows(rows: Iterable[Row], pair: Pair) -> list[Row]:
+    return [row for row in rows if (row["formulation"], row["solver"]) == (pair.formulation, pair.solver)]
+
+
+def _span(values: Iterable[float], form: Callable[[float], str]) -> str:
+    """``a`` or ``a to b`` of the finite ones."""
+    finite = sorted(value for value in values if math.isfinite(value))
+    if not finite:
+        return "no number"
+    low, high = form(finite[0]), form(finite[-1])
+    return low if low == high else f"{low} to {high}"
+
+
+def _share(value: float) -> str:
+    # 99.96 % is not all
+    return f"{math.floor(1000.0 * value) / 10.0:g} %"
+
+
+def _excess(value: float) -> str:
+    """A violation in per cent, rounded up: it is what a limit was broken by at most."""
+    return f"{math.ceil(1e4 * value - 1e-6) / 100.0:g} %" if math.isfinite(value) else "no finite number"
+
+
+def _short(value: float) -> str:
+    return f"{value:.3g}"
+
+
+def _winners(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
+    table = tables["open_loop"]
+    measured = [pair for pair in pairs if _rows(table, pair)]
+    if not measured:
+        return []
+    sums = {
+        pair: {key: sum(row[key] for row in _rows(table, pair)) for key in ("problems", "solved", "kept")}
+        for pair in measured
+    }
+    sure = [pair for pair in measured if sums[pair]["solved"] == sums[pair]["problems"]]
+    names = "; ".join(pair.name for pair in sure)
+    lines = [
+        f"Every problem of every set was solved by: {names} (table open_loop)."
+        if sure
+        else "No pair solved every problem (table open_loop)."
+    ]
+    share = {pair: sums[pair]["kept"] / sums[pair]["problems"] for pair in measured}
+    order = sorted(measured, key=lambda pair: -share[pair])
+    ranks = "; ".join(f"{one.name} {_share(share[one])}" for one in order)
+    lines.append(
+        f"Share of all problems that were solved with the true limits kept on the fine grid between the nodes: {ranks} "
+        "(table open_loop)."
+    )
+    trusted = [pair for pair in measured if share[pair] >= TRUSTED]
+    if not trusted:
+        return [*lines, f"None of them reached {_share(TRUSTED)} (table open_loop)."]
+    flat = [pair for pair in trusted if pair.formulation != "shooting"]
+    speed = {pair: max(column(_rows(table, pair), "time_99_ms")) for pair in trusted}
+    fastest = min(speed, key=lambda pair: speed[pair])
+    text = (
+        f"Of the pairs with at least {_share(TRUSTED)} the fastest is {fastest.name}, with 99 % of the solves of every "
+        f"set within {_short(speed[fastest])} ms"
+    )
+    if flat:
+        loss = {pair: max(column(_rows(table, pair), "gap_mean")) for pair in flat}
+        closest = min(loss, key=lambda pair: loss[pair])
+        text += (
+            f"; the flat one nearest to the best known objective is {closest.name}, whose mean gap is at most "
+            f"{_short(loss[closest])} in every set"
+        )
+    return [*lines, f"{text} (table open_loop)."]
+
+
+def _of_pair(tables: Tables, pair: Pair, first: Pair) -> str:
+    rows = _rows(tables["open_loop"], pair)
+    text = (
+        f"{pair.name}: solved {_span(column(rows, 'solved_share'), _share)} of each set, median "
+        f"{_span(column(rows, 'time_median_ms'), _short)} ms, 99 % {_span(column(rows, 'time_99_ms'), _short)} ms, "
+        f"mean gap {_span(column(rows, 'gap_mean'), _short)}"
+    )
+    broken = sum(row["broken_between"] for row in rows)
+    solved = sum(row["solved"] for row in rows)
+    if not solved:
+        text = f"{pair.name}: solved no problem"
+    elif broken:
+        worst = max(0.0, *column(rows, "violation_between_max"))
+        text += f", true limits broken between the nodes in {broken} of {solved} solutions, by {_excess(worst)} at most"
+    else:
+        text += f", true limits kept between the nodes in all of {solved} solutions"
+    against = [row for row in tables["paired"] if (row["pair"], row["against"]) == (pair.name, first.name)]
+    if not against:
+        return f"{text} (table open_loop)."
+    total = sum(row["both_solved"] for row in against)
+    counts = [sum(row[key] for row in against) for key in ("better", "equal", "worse")]
+    return (
+        f"{text} (table open_loop); {_span(column(against, 'times_faster'), _short)} times as fast as {first.name}, "
+        f"objective better in {counts[0]}, equal in {counts[1]} and worse in {counts[2]} of the {total} problems that "
+        f"both solved (table paired)."
+    )
+
+
+def _hard_against_penalty(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
+    lines = []
+    for pair in pairs:
+        other = Pair("elastic", pair.solver).name
+        rows = [row for row in tables["paired"] if (row["pair"], row["against"]) == (pair.name, other)]
+        if rows and pair.formulation == "hard":
+            total = sum(row["both_solved"] for row in rows)
+            counts = [sum(row[key] for row in rows) for key in ("better", "equal", "worse")]
+            sure = sum(row["objective_more_low"] > 0.0 or row["objective_more_high"] < 0.0 for row in rows)
+            lines.append(
+                f"The penalty and the hard limits, both at their best with {pair.solver}: hard limits are "
+                f"{_span(column(rows, 'times_faster'), _short)} times as fast; their objective is better in "
+                f"{counts[0]}, equal in {counts[1]} and worse in {counts[2]} of {total} problems, by "
+                f"{_span(column(rows, 'objective_more'), _short)} in the mean of a set, of which {sure} of {len(rows)} "
+                f"differ from zero beyond the 95 % interval (table paired)."
+            )
+    return lines
+
+
+def _nodes(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
+    lines = []
+    for pair in pairs:
+        plain = Pair("hard", pair.solver)
+        if pair.formulation == "exchange" and plain in pairs:
+            before, after = (_rows(tables["open_loop"], one) for one in (plain, pair))
+            most = max(0.0, *column(before, "violation_between_max"))
+            by = f" (by {_excess(most)} at most)" if most > 0.0 else ""
+            lines.append(
+                f"With {pair.solver}, the nodes alone left a true limit broken between them in "
+                f"{sum(row['broken_between'] for row in before)} of {sum(row['solved'] for row in before)} solutions"
+                f"{by}, exchange in "
+                f"{sum(row['broken_between'] for row in after)} of {sum(row['solved'] for row in after)} (table "
+                f"open_loop)."
+            )
+    for name in ("hard", "exchange", "elastic"):
+        rows = [row for row in tables["sensitivity"] if row["swept"] == "gamma" and row["formulation"] == name]
+        tight = [row for row in rows if row["value"] == max(row["value"] for row in rows)]
+        if tight:
+            lines.append(
+                f"At γ = {tight[0]['value']}, {name} ({tight[0]['solver']}) solved "
+                f"{sum(row['solved'] for row in tight)} of {sum(row['problems'] for row in tight)} and broke a true "
+                f"limit between the nodes in {sum(row['broken_between'] for row in tight)} of them (table sensitivity)."
+            )
+    return lines
+
+
+def _closed_loops(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
+    lines = []
+    for pair in pairs:
+        rows = _rows(tables["closed_loop"], pair)
+        if rows:
+            violations = column(rows, "violation_max")
+            # a run whose violation is not a number has no largest one
+            broken = max(violations) if all(map(math.isfinite, violations)) else math.inf
+            counts = {
+                word: sum(row[f"fallbacks_{word}"] for row in rows) for word in ("shifted", "cold", "braking", "other")
+            }
+            used = ", ".join(f"{count} {word}" for word, count in counts.items() if count) or "none"
+            errors = "; ".join(f"{row['case']} {_error(row)}" for row in rows)
+            lines.append(
+                f"In closed loop, {pair.name} ({_span(column(rows, 'runs'), lambda runs: f'{runs:g}')} seeds a case): "
+                f"settled error in m {errors}; executed thrust above its limit by "
+                f"{'nothing' if broken <= ROUND_OFF else _excess(broken)}; fallbacks {used} in "
+                f"{sum(row['steps'] for row in rows)} steps (table closed_loop)."
+            )
+    rows = tables["closed_loop_paired"]
+    if rows:
+        several = [row for row in rows if row["runs"] > 1]
+        apart = [row for row in several if row["error_more_low"] > 0.0 or row["error_more_high"] < 0.0]
+        largest = max(rows, key=lambda row: abs(row["error_more"]))
+        lines.append(
+            f"Settled errors on the same seeds, against {rows[0]['against']}: {len(apart)} of {len(several)} "
+            f"differences over several seeds have a 95 % interval without zero; the largest of all is "
+            f"{largest['error_more']:+.2g} m ({largest['pair']}, {largest['case']}) (table closed_loop_paired)."
+        )
+    return lines
+
+
+def _error(row: Row) -> str:
+    (value,) = column([row], "error_settled")
+    text = _short(value) if math.isfinite(value) else "no finite number"
+    return f"{text} ({row['astray']} of {row['runs']} seeds astray)" if row["astray"] else text
+
+
+def _stiffness(tables: Tables) -> list[str]:
+    lines = []
+    rows = [
+        row for row in tables["sensitivity"] if row["kink_mm"] is not None and row["swept"] not in ("gamma", "nodes")
+    ]
+    for name, told in (("penalty", "as printed"), ("elastic", "told as inequalities (elastic)")):
+        mine = [row for row in rows if row["formulation"] == name]
+        if not mine:
+            continue
+        failing = [row for row in mine if row["solved"] < row["problems"]]
+        if not failing:
+            low, high = min(column(mine, "kink_mm")), max(column(mine, "kink_mm"))
+            lines.append(
+                f"The penalty {told} was solved by IPOPT at every setting, with kinks from {_short(low)} to "
+                f"{_short(high)} mm of endpoint motion (table sensitivity)."
+            )
+            continue
+        easiest = min(column(failing, "stiffness"))
+        below = [row for row in mine if row["stiffness"] < easiest * (1.0 - 1e-9)]
+        hardest = max(failing, key=lambda row: row["stiffness"])
+        safe = (
+            f"every problem up to a stiffness of {_short(max(column(below, 'stiffness')))} "
+            if below
+            else "at no stiffness every problem "
+        )
+        worst = [row for row in mine if row["stiffness"] >= hardest["stiffness"] * (1.0 - 1e-9)]
+        lines.append(
+            f"The penalty {told} was solved by IPOPT in {safe}and not all from {_short(easiest)} on; at the stiffest "
+            f"setting ({_short(hardest['stiffness'])}, a kink of {_short(hardest['kink_mm'])} mm of endpoint motion) "
+            f"in {sum(row['solved'] for row in worst)} of {sum(row['problems'] for row in worst)} (table sensitivity)."
+        )
+    return lines

@@ -1,0 +1,1 @@
+"""A Gaussian process on the target's displacement, for noisy bearings."""

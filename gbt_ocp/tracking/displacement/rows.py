@@ -1,0 +1,134 @@
+"""Noisy bearings as linear measurements, linearised where the target is believed to be.
+
+The paper's measurement ``λ̄ᵀ P_T = λ̄ᵀ P_A`` takes the tangent of the *measured* bearing. With noise that is biased: the
+error of the tangent is correlated with that of the value, and the fit is drawn towards the vehicle. Linearised at a
+predicted position with range r and tangent basis H, the measured direction is an angle e in the tangent plane and
+
+    Hᵀ P_T = Hᵀ P_A + r e + r ε,   ε ~ N(0, σ² I),
+
+which has no bias of first order. Repeated from the posterior it is Gauss-Newton on the angles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gbt_ocp.models.bearings import tangent_basis
+from gbt_ocp.tracking.bins import BinnedBearings
+from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.typing import Array
+
+FARTHEST = 0.4
+"""Angle in radians between predicted and measured bearing beyond which the measured tangent is kept."""
+
+NEAREST = 1.0e-4
+"""Range in metres below which a predicted position has no direction; the measured one stands in."""
+
+
+@dataclass(frozen=True)
+class BearingRows:
+    """Linear measurements ``y = hᵀ P_T(t) + r ε``, d-1 rows a sample, those of one sample together.
+
+    Attributes
+    ----------
+    sample
+        Number of the sample that each row belongs to ``(R,)``.
+    directions
+        h ``(R, d)``, unit vectors.
+    values
+        y ``(R,)`` in metres.
+    ranges
+        r of each row ``(R,)`` in metres, positive.
+    axes
+        Axis about which the measured direction turns along h ``(R, 3)``: λ̂ × h.
+    residuals
+        Angle from the predicted to the measured direction along each row ``(R,)`` in radians.
+    """
+
+    sample: Array
+    directions: Array
+    values: Array
+    ranges: Array
+    axes: Array
+    residuals: Array
+
+
+def linearised(samples: BinnedBearings, predicted: Array) -> BearingRows:
+    """Rows of the samples, linearised at the predicted positions ``(N, d)`` in metres."""
+    line = predicted - samples.own_positions
+    ranges = np.linalg.norm(line, axis=1)
+    near = ranges < NEAREST
+    expected = np.where(near[:, None], samples.bearings, line / np.where(near, 1.0, ranges)[:, None])
+    basis, angle = _angles(expected, samples.bearings)
+    far = np.linalg.norm(angle, axis=1) > FARTHEST
+    if far.any():
+        measured_basis = tangent_basis(samples.bearings)
+        basis = np.where(far[:, None, None], measured_basis, basis)
+        expected = np.where(far[:, None], samples.bearings, expected)
+    # with the measured tangent the measured direction is where the row is taken: no angle is left to add
+    offset = np.where(far[:, None], 0.0, angle)
+    ranges = np.maximum(ranges, NEAREST)
+    directions = np.swapaxes(basis, 1, 2)
+    values = np.einsum("nji,ni->nj", directions, samples.own_positions) + ranges[:, None] * offset
+    count, rows, dimension = directions.shape
+    return BearingRows(
+        np.repeat(np.arange(count), rows),
+        directions.reshape(-1, dimension),
+        values.ravel(),
+        np.repeat(ranges, rows),
+        _turning_axes(expected, directions).reshape(-1, 3),
+        angle.ravel(),
+    )
+
+
+def _angles(expected: Array, measured: Array) -> tuple[Array, Array]:
+    """Tangent bases of the expected bearings ``(N, d, d-1)``, and the angles in them to the measured ones."""
+    basis = tangent_basis(expected)
+    along = np.einsum("nij,ni->nj", basis, measured)
+    sine, cosine = np.linalg.norm(along, axis=1), np.einsum("ni,ni->n", expected, measured)
+    angle = np.arctan2(sine, cosine)
+    # opposite directions have an angle but no direction of it; any will do, and the guard above catches them
+    scale = np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 1.0)
+    tangent = along * scale[:, None]
+    opposite = (sine == 0.0) & (cosine < 0.0)
+    tangent[opposite, 0] = np.pi
+    return basis, tangent
+
+
+def _turning_axes(bearings: Array, directions: Array) -> Array:
+    """λ × h ``(N, d-1, 3)``; in the plane the axis is the vertical."""
+    count, rows, dimension = directions.shape
+    if dimension == 3:
+        return np.cross(bearings[:, None, :], directions)
+    axes = np.zeros((count, rows, 3))
+    axes[:, :, 2] = bearings[:, None, 0] * directions[:, :, 1] - bearings[:, None, 1] * directions[:, :, 0]
+    return axes
+
+
+def row_covariance(
+    rows: BearingRows, samples: BinnedBearings, noise: BearingNoise, white_variance: float, trust: Array
+) -> Array:
+    """Covariance of the noise of the rows ``(R, R)`` in m².
+
+    On the diagonal ``(r² σ²/w + own²)/n``. Where the sensor's error lasts, it is a rotation of the sensor, so
+    ``r_i r_j σ_c² exp(-|t_i - t_j|/T_c)`` times the inner product of the axes about which the two directions turn.
+
+    Parameters
+    ----------
+    rows, samples
+        Measurements and what they were made from.
+    noise
+        Of the sensor.
+    white_variance
+        σ² of a single bearing in rad², in place of that of ``noise``.
+    trust
+        w of each row ``(R,)``: 1, or less for a suspected outlier.
+    """
+    counts = samples.counts[rows.sample]
+    matrix = np.diag((rows.ranges**2 * (white_variance / trust) + noise.own_std**2) / counts)
+    if noise.correlated_std > 0.0:
+        lasting = noise.correlated(samples.times)[np.ix_(rows.sample, rows.sample)]
+        matrix += np.outer(rows.ranges, rows.ranges) * lasting * (rows.axes @ rows.axes.T)
+    return matrix

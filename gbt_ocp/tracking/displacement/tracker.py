@@ -1,0 +1,369 @@
+"""The Gaussian-process tracker of noisy bearings: re-linearised at its posterior, range hypotheses at the start.
+
+One step: take in the bearing, linearise the window at what the last posterior says, condition, linearise again, and
+average over the hyperparameters. Until the range is observable the posterior is a mixture of such fits, each with its
+own prior range (a range-parametrised start), because Gauss-Newton from one range cannot tell near from far.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gbt_ocp.models.bearings import unit_bearing
+from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
+from gbt_ocp.tracking.displacement.fit import Anchor, Mixture, MotionFit, Node, Solution, grid
+from gbt_ocp.tracking.displacement.hypotheses import Hypothesis, MotionPriors, range_hypotheses
+from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS
+from gbt_ocp.tracking.displacement.rows import BearingRows, linearised
+from gbt_ocp.tracking.gp.posterior import Hyperparameters
+from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.protocol import Forecast, relative_range_std
+from gbt_ocp.tracking.window import Window, checked_sample
+from gbt_ocp.typing import Array
+
+OBSERVABLE = 0.25
+"""Standard deviation of the range over the range, at the oldest sample, below which range counts as observable."""
+
+LOST_AGAIN = 0.5
+"""The same ratio above which it does no more."""
+
+FEWEST = 10
+"""Samples before range may count as observable."""
+
+UNLIKELY = 7.0
+"""Difference in log evidence from the best hypothesis beyond which one is left out of the mixture."""
+
+CANDIDATES = np.log(1.4) * np.arange(-2, 3)
+"""Logarithms of the factors on σ that are compared where it is estimated."""
+
+RECENT = 10
+"""Innovations over which the reset test looks."""
+
+LOST = 9.0
+"""Mean squared standardised innovation of the recent bearings above which the track counts as lost."""
+
+GROSS = 16.0
+"""Largest share of one innovation in that mean: no single outlier makes a lost track."""
+
+
+STRAY = 4.0
+"""Deviations from its bin's median beyond which a bearing is left out, where bearings are binned."""
+
+
+class NoisyGaussianProcessTracker:
+    """Tracks a target by noisy bearings, ``P_T(t) = p_0 + D(t)`` with D a Gaussian process.
+
+    Parameters
+    ----------
+    dimension
+        d.
+    noise
+        Of the sensor. If its σ is ``estimated``, it is averaged over with the other hyperparameters.
+    window
+        Bearings kept; with ``bin_width`` the age in seconds of the oldest bin.
+    bin_width
+        Width in seconds of the bins over which bearings are averaged; ``None`` takes each by itself. A bearing further
+        from its bin's median than :data:`STRAY` deviations is left out.
+    bins
+        Bins that somebody else fills, instead of ``window`` and ``bin_width``; see :meth:`follow`.
+    kernel
+        A name of :data:`~gbt_ocp.tracking.displacement.kernels.DISPLACEMENT_KERNELS`.
+    priors
+        What is known of the target.
+    hyperparameters
+        ``averaged`` over a grid by evidence, or ``maximum``: the likeliest node of the grid alone.
+    tails
+        Degrees of freedom of a Student-t likelihood that lets outliers go; ``None`` is Gaussian.
+    linearisations
+        Times the window is linearised an update.
+    prior_position, prior_covariance
+        What is known of the position at the first bearing: ``(d,)`` in m and ``(d, d)`` in m².
+    start
+        Stands for the vehicle's position until the first bearing ``(d,)``.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of range.
+    """
+
+    def __init__(
+        self,
+        dimension: int,
+        *,
+        noise: BearingNoise,
+        window: float = 40,
+        bin_width: float | None = None,
+        bins: BearingBins | None = None,
+        kernel: str = "velocity_se",
+        priors: MotionPriors | None = None,
+        hyperparameters: Literal["averaged", "maximum"] = "averaged",
+        tails: float | None = None,
+        linearisations: int = 2,
+        prior_position: ArrayLike | None = None,
+        prior_covariance: ArrayLike | None = None,
+        start: ArrayLike | None = None,
+    ) -> None:
+        if kernel not in DISPLACEMENT_KERNELS:
+            raise ValueError(f"kernel: found {kernel!r}; allowed: {', '.join(DISPLACEMENT_KERNELS)}")
+        if linearisations < 1:
+            raise ValueError(f"linearisations: found {linearisations}; allowed: a whole number >= 1")
+        if tails is not None and not tails > 0.0:
+            raise ValueError(f"tails: found {tails}; allowed: None or a number > 0")
+        if (prior_position is None) != (prior_covariance is None):
+            raise ValueError("prior_position and prior_covariance are needed together")
+        self.dimension = dimension
+        self.restarts = 0
+        """How often a lost track was begun again."""
+        self.nugget_retries = 0
+        self._noise = noise
+        self._follows = bins is not None
+        self._bins = bins if bin_width is None else BearingBins(bin_width, window, STRAY * noise.std)
+        self._window = Window(int(window) if bin_width is None else 2)
+        self._kernel = DISPLACEMENT_KERNELS[kernel]
+        self._priors = MotionPriors() if priors is None else priors
+        self._averaged = hyperparameters == "averaged"
+        self._tails = tails
+        self._linearisations = linearisations
+        self._known = (
+            None
+            if prior_position is None or prior_covariance is None
+            else (np.array(prior_position, dtype=float), np.array(prior_covariance, dtype=float))
+        )
+        self._start = np.zeros(dimension) if start is None else np.array(start, dtype=float)
+        self._log_factor = 0.0
+        self._hypotheses: list[Hypothesis] = []
+        self._anchor_time = 0.0
+        self._observable = False
+        self._relative_spread = np.inf
+        self._mixture: Mixture | None = None
+        self._innovations: deque[float] = deque(maxlen=RECENT)
+
+    def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
+        """Take in a bearing ``(d,)`` measured at ``own_position`` ``(d,)`` and condition on the window.
+
+        Raises
+        ------
+        ValueError
+            If numbers are not finite, the bearing is no unit vector, or time does not increase; the tracker is then
+            unchanged.
+        """
+        if self._bins is None:
+            self._window.append(time, bearing, own_position)
+            self.follow(time, bearing, own_position)
+            return
+        b, own = checked_sample(time, bearing, own_position, self._bins.latest)
+        ahead, square = self._innovation(float(time), b, own)
+        self._bins.append(time, b, own, expected=ahead, suspect=square > STRAY**2)
+        self._condition(square)
+
+    def follow(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
+        """Condition on the window, in which the sample is the latest already: as :meth:`update`, but adding nothing."""
+        b, own = np.asarray(bearing, dtype=float), np.asarray(own_position, dtype=float)
+        self._condition(self._innovation(float(time), b, own)[1])
+
+    def _condition(self, square: float) -> None:
+        """Condition on the window, whose latest bearing was so far from where it was expected."""
+        self._test(square)
+        samples = self._samples()
+        if not self._observable:
+            self._anchor(samples)
+        nodes = self._nodes()
+        if self._observable:
+            one = self._hypotheses[0]
+            fit = self._fit(one, Anchor(*self._here(samples)), samples, nodes)
+            one.mixture = self._average(fit, nodes)
+            self._mixture = one.mixture
+        else:
+            self._mixture = self._compare(samples, nodes)
+        self._log_factor = 0.5 * float(np.log(self._mixture.best[1].node.white_variance / self._noise.std**2))
+        self._judge_range(samples)
+
+    def _samples(self) -> BinnedBearings:
+        if self._bins is not None:
+            return self._bins.means()
+        window = self._window
+        return BinnedBearings(window.times, window.bearings, window.own_positions, np.ones(len(window)))
+
+    def _nodes(self) -> list[Node]:
+        """The grid; where σ is estimated, it moves along with σ."""
+        variance = self._noise.std**2
+        if not self._noise.estimated:
+            return grid(self._priors.scale, self._priors.length, [(variance, 0.0)])
+        factors = self._log_factor + CANDIDATES
+        # σ as given is a weak prior: a factor of e is one standard deviation
+        return grid(
+            self._priors.scale,
+            self._priors.length,
+            [(variance * float(np.exp(2.0 * f)), -0.5 * float(f) ** 2) for f in factors],
+        )
+
+    def _test(self, square: float) -> None:
+        """The reset test: a track whose recent bearings are not where it said is begun again from the latest ones."""
+        if self._mixture is None:
+            return
+        self._innovations.append(min(square, GROSS))
+        if len(self._innovations) == RECENT and np.mean(self._innovations) > LOST:
+            self.restarts += 1
+            self._begin_again()
+
+    def _innovation(self, time: float, bearing: Array, own: Array) -> tuple[Array | None, float]:
+        """Where the target is expected ``(d,)``, and the bearing's mean squared standardised distance from there."""
+        if self._mixture is None:
+            return None, 0.0
+        forecast = self._mixture.predict(np.array([time]))
+        rows = linearised(BinnedBearings(np.array([time]), bearing[None], own[None], np.ones(1)), forecast.mean)
+        across = rows.directions @ forecast.covariance[0] @ rows.directions.T / rows.ranges[0] ** 2
+        variance = self._mixture.best[1].node.white_variance + self._noise.correlated_std**2
+        across[np.diag_indices_from(across)] += variance + (self._noise.own_std / rows.ranges[0]) ** 2
+        square = float(rows.residuals @ np.linalg.solve(across, rows.residuals)) / len(rows.residuals)
+        there = forecast.mean[0]
+        return None if np.array_equal(there, own) else unit_bearing(there, own), square
+
+    def _begin_again(self) -> None:
+        """Forget all but the latest samples, and all hypotheses."""
+        if self._bins is None:
+            kept, old = Window(self._window.capacity), self._window
+            for sample in list(zip(old.times, old.bearings, old.own_positions, strict=True))[-RECENT:]:
+                kept.append(*sample)
+            self._window = kept
+        elif not self._follows:
+            self._bins.forget_before(self._bins.means().times[-min(len(self._bins), 3)])
+        self._hypotheses, self._observable, self._known = [], False, None
+        self._innovations.clear()
+
+    def _here(self, samples: BinnedBearings) -> tuple[float, Array, Array]:
+        """Time, mean and covariance of the wide prior position about the vehicle's latest."""
+        return (
+            float(samples.times[-1]),
+            samples.own_positions[-1],
+            self._priors.position_std**2 * np.eye(self.dimension),
+        )
+
+    def _anchor(self, samples: BinnedBearings) -> None:
+        """Make hypotheses of the range at the oldest sample, anew whenever it has left the window."""
+        oldest = float(samples.times[0])
+        if self._hypotheses:
+            # the means of bins shift while they fill, and the process reaches back a while beyond the oldest sample
+            if oldest - self._anchor_time <= (0.0 if self._bins is None else self._bins.width):
+                return
+            self._known = None
+        self._anchor_time = oldest
+        if self._known is not None:
+            self._hypotheses = [Hypothesis(*self._known, 0.0)]
+            return
+        self._hypotheses = range_hypotheses(samples, self._priors.range)
+
+    def _compare(self, samples: BinnedBearings, nodes: Sequence[Node]) -> Mixture:
+        """The mixture of the hypotheses by Laplace's evidence."""
+        fits = []
+        for one in self._hypotheses:
+            fit = self._fit(one, Anchor(self._anchor_time, one.mean, one.covariance), samples, nodes)
+            solution = fit.solve(self._last_node(one, nodes))
+            # only the best node decides whether the rest of the grid is worth its time
+            fits.append((one, fit, solution, solution.log_evidence + one.log_prior - fit.misfit(solution)))
+        best = max(value for *_, value in fits)
+        mixtures, log_priors = [], []
+        for one, fit, solution, value in fits:
+            likely = value > best - UNLIKELY
+            one.mixture = self._average(fit, nodes if likely else [solution.node])
+            if likely:
+                mixtures.append(one.mixture)
+                log_priors.append(one.log_prior - fit.misfit(one.mixture.best[1]))
+        return Mixture.of(mixtures, log_priors)
+
+    def _average(self, fit: MotionFit, nodes: Sequence[Node]) -> Mixture:
+        mixture = Mixture.over(fit, nodes)
+        if self._averaged:
+            return mixture
+        return replace(mixture, parts=((*mixture.best, 1.0),))
+
+    def _last_node(self, one: Hypothesis, nodes: Sequence[Node]) -> Node:
+        """The hypothesis's likeliest hyperparameters, or the middle of the priors."""
+        return nodes[len(nodes) // 2] if one.mixture is None else one.mixture.best[1].node
+
+    def _fit(self, one: Hypothesis, anchor: Anchor, samples: BinnedBearings, nodes: Sequence[Node]) -> MotionFit:
+        """The window linearised where the hypothesis has the target."""
+        node = self._last_node(one, nodes)
+        last = None if one.mixture is None else one.mixture.best
+        for count in range(self._linearisations):
+            places = np.tile(one.mean, (len(samples), 1)) if last is None else last[0].mean(last[1], samples.times)
+            rows = linearised(samples, places)
+            fit = MotionFit(self._kernel, anchor, self._noise, samples, rows, self._trust(rows, last, samples, node))
+            if count + 1 < self._linearisations:
+                last = fit, fit.solve(node)
+        return fit
+
+    def _trust(
+        self, rows: BearingRows, last: tuple[MotionFit, Solution] | None, samples: BinnedBearings, node: Node
+    ) -> Array:
+        """Weights of the rows under heavy tails, from the expected squares of their residuals (EM)."""
+        if self._tails is None or last is None:
+            return np.ones(len(rows.values))
+        covariance = last[0].predict(last[1], samples.times).covariance[rows.sample]
+        across = np.einsum("ri,rij,rj->r", rows.directions, covariance, rows.directions)
+        variance = node.white_variance + (self._noise.own_std / rows.ranges) ** 2
+        square = rows.residuals**2 * samples.counts[rows.sample] / variance
+        predicted = across * samples.counts[rows.sample] / (rows.ranges**2 * variance)
+        # a sample that the last fit has not seen is compared with its prediction
+        unseen = samples.times[rows.sample] > last[0].samples.times[-1]
+        expected = np.where(unseen, square / (1.0 + predicted), square + predicted)
+        size = self.dimension - 1
+        total = expected.reshape(-1, size).sum(axis=1)
+        return np.repeat((self._tails + size) / (self._tails + total), size)
+
+    def _judge_range(self, samples: BinnedBearings) -> None:
+        """Decide whether range is observable at the oldest sample, where the manoeuvres since have told most of it."""
+        assert self._mixture is not None
+        first = self._mixture.predict(samples.times[:1])
+        self._relative_spread = float(relative_range_std(first.mean[0], first.covariance[0], samples.own_positions[0]))
+        if not self._observable and len(samples) >= FEWEST and self._relative_spread < OBSERVABLE:
+            self._observable = True
+            self._hypotheses = [Hypothesis(*self._here(samples)[1:], 0.0, self._mixture)]
+        elif self._observable and self._relative_spread > LOST_AGAIN:
+            self._observable, self._hypotheses = False, []
+
+    @property
+    def range_observable(self) -> bool:
+        """Whether the bearings say how far the target is; if not, the posterior repeats the prior of the range."""
+        return self._observable
+
+    @property
+    def relative_range_std(self) -> float:
+        """Posterior standard deviation of the range over the range, at the oldest sample of the window."""
+        return self._relative_spread
+
+    def predict(self, times: ArrayLike) -> Forecast:
+        """Posterior mean ``(K, d)`` and covariance ``(K, d, d)`` at the times ``(K,)`` in seconds."""
+        at = np.asarray(times, dtype=float)
+        if self._mixture is not None:
+            return self._mixture.predict(at)
+        if self._known is not None:
+            mean, covariance = self._known
+        else:
+            mean, covariance = self._start, self._priors.range.median**2 * np.eye(self.dimension)
+        return Forecast(np.tile(mean, (len(at), 1)), np.tile(covariance, (len(at), 1, 1)))
+
+    @property
+    def hyperparameters(self) -> Hyperparameters:
+        """The likeliest θ: its amplitude is the scale of the kernel, its nugget σ² in rad²."""
+        if self._mixture is None:
+            prior = self._priors
+            return Hyperparameters(np.log([prior.length.median]), float(np.log(prior.scale.median)), self._noise.std**2)
+        node = self._mixture.best[1].node
+        return Hyperparameters(np.array([node.log_length]), node.log_scale, node.white_variance)
+
+    @property
+    def prior_covariance(self) -> Array:
+        """The wide prior of the position ``(d, d)`` in m²."""
+        return np.asarray(self._priors.position_std**2 * np.eye(self.dimension))
+
+    def bound(self, times: ArrayLike, delta: float) -> Array:
+        """NaN ``(K,)``: theorem 1 is for one process and a fixed noise, not for an average over several."""
+        return np.full(len(np.asarray(times)), np.nan)

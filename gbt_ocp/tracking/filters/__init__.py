@@ -1,0 +1,1 @@
+"""Filters and fits that the paper compares with."""

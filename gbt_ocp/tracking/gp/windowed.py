@@ -1,0 +1,155 @@
+"""What the Gaussian-process trackers share (algorithm 1): the window, the prior mean, the prior position."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Generic, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gbt_ocp.tracking.gp.posterior import AnyPosterior
+from gbt_ocp.tracking.protocol import Forecast, JointForecast
+from gbt_ocp.tracking.window import Measurements, Window
+from gbt_ocp.typing import Array
+
+
+class WindowedTracker(ABC, Generic[AnyPosterior]):
+    """Conditions a process on the bearings of a window, after tuning its hyperparameters on them.
+
+    What the process is, a subclass says by :meth:`_tune` and :meth:`_conditioned`. Missed and irregular samples need no
+    special case.
+
+    Parameters
+    ----------
+    dimension
+        d.
+    window
+        N_c, capacity of the window.
+    centre
+        Prior mean: the earth-fixed ``origin`` as in the paper, or the ``vehicle``'s latest position.
+    prior_position, prior_covariance
+        What is known of the position when the first bearing is taken: mean ``(d,)`` in metres and covariance
+        ``(d, d)`` in m². It counts as a measurement for as long as that bearing is in the window.
+    start
+        Stands for the vehicle's position until the first bearing ``(d,)``.
+
+    Attributes
+    ----------
+    nugget_retries
+        How often the nugget had to be multiplied by ten before a factorisation succeeded.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of range.
+    """
+
+    def __init__(
+        self,
+        dimension: int,
+        *,
+        window: int = 20,
+        centre: Literal["origin", "vehicle"] = "vehicle",
+        prior_position: ArrayLike | None = None,
+        prior_covariance: ArrayLike | None = None,
+        start: ArrayLike | None = None,
+    ) -> None:
+        self.dimension = dimension
+        self.window = Window(window)
+        self._centre_on_vehicle = centre == "vehicle"
+        self._centre = np.zeros(dimension)
+        if self._centre_on_vehicle and start is not None:
+            self._centre = np.asarray(start, dtype=float)
+        self._prior = self._prior_rows(prior_position, prior_covariance)
+        if prior_position is not None:
+            self._prior_position = np.array(prior_position, dtype=float)
+            self._centre = self._prior_position
+        self._prior_time: float | None = None
+        self._posterior: AnyPosterior | None = None
+        self.nugget_retries = 0
+
+    @abstractmethod
+    def _tune(self, measurements: Measurements) -> None:
+        """Choose θ for the measurements."""
+
+    @abstractmethod
+    def _conditioned(self, measurements: Measurements) -> tuple[AnyPosterior, int]:
+        """The posterior under θ, and how often the nugget had to be raised for it."""
+
+    def _prior_rows(self, position: ArrayLike | None, covariance: ArrayLike | None) -> Measurements | None:
+        if position is None:
+            return None
+        if covariance is None:
+            raise ValueError("prior_covariance is needed beside prior_position")
+        values, axes = np.linalg.eigh(np.asarray(covariance, dtype=float))
+        if not np.all(values > 0.0):
+            raise ValueError("prior_covariance must be positive definite")
+        # along its own axes the covariance is diagonal, one row each
+        return Measurements(np.zeros(len(values)), axes.T, axes.T @ np.asarray(position, dtype=float), values)
+
+    def _measurements(self) -> Measurements:
+        """Rows of the window, with those of the prior position while its time is in it."""
+        if not len(self.window):
+            rows = Measurements(np.zeros(0), np.zeros((0, self.dimension)), np.zeros(0), np.zeros(0))
+        else:
+            rows = self.window.measurements()
+        prior = self._prior
+        if prior is None or not self._prior_in_window():
+            return rows
+        return Measurements(
+            np.concatenate([rows.times, prior.times + (self._prior_time or 0.0)]),
+            np.concatenate([rows.directions, prior.directions]),
+            np.concatenate([rows.values, prior.values]),
+            np.concatenate([rows.variances, prior.variances]),
+        )
+
+    def _prior_in_window(self) -> bool:
+        """Whether the first bearing, to which the prior position belongs, is still in the window."""
+        return self._prior_time is None or bool(self.window.times[0] <= self._prior_time)
+
+    def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
+        """Take in a bearing ``(d,)`` measured at ``own_position`` ``(d,)``, tune θ and condition on the window.
+
+        Raises
+        ------
+        ValueError
+            If numbers are not finite, the bearing is no unit vector, or time does not increase; the tracker is then
+            unchanged.
+        """
+        self.window.append(time, bearing, own_position)
+        if self._prior_time is None:
+            self._prior_time = float(time)
+        if self._prior is not None and self._prior_in_window():
+            self._centre = self._prior_position
+        elif self._centre_on_vehicle:
+            self._centre = np.array(own_position, dtype=float)
+        else:
+            self._centre = np.zeros(self.dimension)
+        measurements = self._measurements()
+        self._tune(measurements)
+        self._condition(measurements)
+
+    def _condition(self, measurements: Measurements) -> AnyPosterior:
+        self._posterior, retries = self._conditioned(measurements)
+        self.nugget_retries += retries
+        return self._posterior
+
+    @property
+    def posterior(self) -> AnyPosterior:
+        """The posterior given the window; before the first bearing, the prior."""
+        return self._posterior if self._posterior is not None else self._condition(self._measurements())
+
+    def predict(self, times: ArrayLike) -> Forecast:
+        """Posterior mean ``(K, d)`` and covariance ``(K, d, d)`` at the times ``(K,)`` in seconds."""
+        return self.posterior.predict(np.asarray(times, dtype=float))
+
+    @property
+    def prior_covariance(self) -> Array:
+        """Prior covariance of the position at any time under θ ``(d, d)`` in m²."""
+        return self.posterior.prior_covariance
+
+    def joint(self, times: ArrayLike) -> JointForecast:
+        """Posterior covariance of the positions at the times ``(K,)`` with each other, and the nugget's variance."""
+        t = np.asarray(times, dtype=float)
+        return JointForecast(self.posterior.joint_covariance(t), self.posterior.noise, 0.0)

@@ -1,0 +1,83 @@
+"""The noise of binned bearings: white, correlated in time, and the uncertainty of the own position."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
+from gbt_ocp.typing import Array
+
+SURE_OF_SCATTER = 20
+"""Degrees of freedom of the scatter in the bins with which the prior σ weighs, where σ is estimated."""
+
+
+@dataclass(frozen=True)
+class BearingNoise:
+    """What is known of the sensor, in angles: no range enters but for the own position.
+
+    Attributes
+    ----------
+    std
+        σ of the white part of a single bearing in radians.
+    correlated_std
+        Standard deviation in radians of a part that lasts (a detector that sees the bow and not the middle, a mounting
+        that bends); averaging over a bin does not reduce it.
+    correlation_time
+        Time in seconds in which that part forgets itself: its correlation is ``exp(-|t - t'|/T_c)``.
+    own_std
+        Standard deviation in metres of the own position on each axis, independent from sample to sample.
+    estimated
+        Whether σ is estimated from the scatter in the bins; ``std`` is then what is expected before.
+    """
+
+    std: float
+    correlated_std: float = 0.0
+    correlation_time: float = 5.0
+    own_std: float = 0.0
+    estimated: bool = False
+
+    def __post_init__(self) -> None:
+        if not (self.std > 0.0 and self.correlated_std >= 0.0 and self.correlation_time > 0.0 and self.own_std >= 0.0):
+            raise ValueError(
+                "std and correlation_time must be > 0, correlated_std and own_std >= 0; found "
+                f"{self.std}, {self.correlation_time}, {self.correlated_std}, {self.own_std}"
+            )
+
+    def white_variance(self, bins: BearingBins) -> float:
+        """σ² of a single bearing in rad²: as given, or pooled with the scatter in the bins."""
+        if not self.estimated:
+            return self.std**2
+        variance, freedom = bins.scatter()
+        if freedom == 0:
+            return self.std**2
+        return (freedom * variance + SURE_OF_SCATTER * self.std**2) / (freedom + SURE_OF_SCATTER)
+
+    def correlated(self, times: Array) -> Array:
+        """Covariance of the correlated part at the times ``(N,)`` in seconds: ``(N, N)`` in rad²."""
+        lag = np.abs(times[:, None] - times[None, :])
+        return np.asarray(self.correlated_std**2 * np.exp(-lag / self.correlation_time))
+
+    def covariance(self, means: BinnedBearings, ranges: Array, white_variance: float | None = None) -> Array:
+        """R of the mean bearings along each direction of the tangent plane, in rad².
+
+        Parameters
+        ----------
+        means
+            The bins.
+        ranges
+            Predicted ranges ``(..., N)`` in metres.
+        white_variance
+            σ² in rad² of a single bearing; by default that of :attr:`std`.
+
+        Returns
+        -------
+        ``R_ij = δ_ij (σ² + own²/r_i²)/n_i + s_c² exp(-|t_i - t_j|/T_c)``, ``(..., N, N)``.
+        """
+        white = self.std**2 if white_variance is None else white_variance
+        single = (white + (self.own_std / ranges) ** 2) / means.counts
+        matrix = np.broadcast_to(self.correlated(means.times), (*single.shape, single.shape[-1])).copy()
+        step = np.arange(single.shape[-1])
+        matrix[..., step, step] += single
+        return matrix

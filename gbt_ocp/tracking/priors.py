@@ -1,0 +1,105 @@
+"""Where an estimator begins: what is known of the target's position when the first bearing is taken."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gbt_ocp.models.bearings import tangent_basis
+from gbt_ocp.tracking.protocol import Forecast
+from gbt_ocp.typing import Array
+
+
+@dataclass(frozen=True)
+class PositionPrior:
+    """The position before the first bearing, known or unknown.
+
+    Parameters
+    ----------
+    start
+        The vehicle's first position ``(d,)``, where the target is said to be before anything is seen or known.
+    range
+        Range in metres at which the first bearing puts the target if nothing is known.
+    mean, covariance
+        What is known: ``(d,)`` in metres and ``(d, d)`` in m², or ``None`` twice.
+
+    Raises
+    ------
+    ValueError
+        If the range is not positive, or the covariance is missing or not positive definite.
+    """
+
+    start: Array
+    range: float
+    mean: Array | None = None
+    covariance: Array | None = None
+
+    def __post_init__(self) -> None:
+        if not self.range > 0.0:
+            raise ValueError(f"range: found {self.range}; allowed: a number > 0")
+        if (self.mean is None) != (self.covariance is None):
+            raise ValueError("a prior has both a mean and a covariance, or neither")
+        if self.covariance is not None and not np.all(np.linalg.eigvalsh(self.covariance) > 0.0):
+            raise ValueError("the prior's covariance must be positive definite")
+
+    @property
+    def unseen(self) -> Array:
+        """Where the target is said to be before the first bearing ``(d,)``."""
+        return self.start if self.mean is None else self.mean
+
+    def seen(self, bearing: Array, own: Array) -> Array:
+        """The position on the first bearing ``(d,)``.
+
+        The mean of the prior given that the target lies on the line of the bearing, or the point at :attr:`range`.
+        """
+        if self.mean is None or self.covariance is None:
+            return np.asarray(own + self.range * bearing)
+        basis = tangent_basis(bearing)
+        across = self.covariance @ basis
+        return np.asarray(self.mean + across @ np.linalg.solve(basis.T @ across, basis.T @ (own - self.mean)))
+
+    def gaussian(self, bearing: Array, own: Array, variance: float) -> tuple[Array, Array]:
+        """Mean ``(d,)`` and covariance ``(d, d)`` with which a filter begins, before it takes in the first bearing.
+
+        The prior itself, or the point at :attr:`range` on the bearing with ``variance`` (m²) on each axis.
+        """
+        if self.mean is None or self.covariance is None:
+            return np.asarray(own + self.range * bearing), variance * np.eye(len(own))
+        return self.mean, self.covariance
+
+    def forecast(self, count: int) -> Forecast:
+        """What a baseline says before the first bearing at ``count`` times: :attr:`unseen`, without a covariance."""
+        d = len(self.unseen)
+        return Forecast(np.tile(self.unseen, (count, 1)), np.full((count, d, d), np.nan))
+
+
+@dataclass(frozen=True)
+class LogNormal:
+    """What is known of a positive quantity: its logarithm is normal.
+
+    Attributes
+    ----------
+    median
+        In the quantity's unit.
+    log_std
+        Standard deviation of the logarithm.
+
+    Raises
+    ------
+    ValueError
+        If either is not positive.
+    """
+
+    median: float
+    log_std: float
+
+    def __post_init__(self) -> None:
+        if not (self.median > 0.0 and self.log_std > 0.0):
+            raise ValueError(f"median and log_std: found {self.median}, {self.log_std}; allowed: numbers > 0")
+
+    def __call__(self, log_value: float) -> tuple[float, float]:
+        """Log density at a logarithm, up to a constant, and its derivative."""
+        excess = (float(log_value) - math.log(self.median)) / self.log_std
+        return -0.5 * excess**2, -excess / self.log_std
