@@ -6,10 +6,12 @@ Shared by the sections in :mod:`~gbt_ocp.experiments.config.schema`, :mod:`~gbt_
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, get_args
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+from pydantic.fields import FieldInfo
 
 
 def key(default: Any, meaning: str, allowed: str, **bounds: Any) -> Any:
@@ -60,3 +62,37 @@ class Section(BaseModel):
     """What all sections share: strict types, finite numbers, no unknown keys, frozen."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def sections_in(annotation: Any) -> list[type[Section]]:
+    """Sections that a type is made of: those between which a union chooses, or those of a list."""
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return [annotation]
+    return [section for part in get_args(annotation) for section in sections_in(part)]
+
+
+def redeclare(section: type[Section], keys: Mapping[str, tuple[Any, Any]]) -> None:
+    """Give a section other keys, each with its type and what :func:`key` returned, in this order.
+
+    The sections that hold it are built again, so that a key can be added to a schema that is in use.
+    """
+    section.model_fields.clear()
+    for name, (annotation, declared) in keys.items():
+        section.model_fields[name] = FieldInfo.from_annotated_attribute(annotation, declared)
+    section.model_rebuild(force=True)
+    for holder in _holders(section):
+        holder.model_rebuild(force=True)
+
+
+def _holders(section: type[Section]) -> Iterator[type[Section]]:
+    """Sections below which a section stands, inner ones first."""
+    for other in _all_sections():
+        if any(section in sections_in(field.annotation) for field in other.model_fields.values()):
+            yield other
+            yield from _holders(other)
+
+
+def _all_sections(top: type[Section] = Section) -> Iterator[type[Section]]:
+    for below in top.__subclasses__():
+        yield below
+        yield from _all_sections(below)

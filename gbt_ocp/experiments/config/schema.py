@@ -22,7 +22,7 @@ from gbt_ocp.experiments.config.keys import (
     as_tuples,
     key,
 )
-from gbt_ocp.experiments.config.limits import Limits
+from gbt_ocp.experiments.config.limits import Limits, RangeLimit
 from gbt_ocp.experiments.config.replay import Replay
 from gbt_ocp.experiments.config.target import CaseTarget, ManoeuvreTarget, ProblemTarget, TrackTarget, TurningTarget
 from gbt_ocp.experiments.config.tracker import AnyTracker, GaussianProcessTracker
@@ -213,7 +213,8 @@ class Configuration(Section):
     @property
     def standoff(self) -> float | None:
         """Least range to the target in m, ``None`` without one."""
-        return self.limits.range.nearest_m if self.limits.range is not None else None
+        limit: RangeLimit | None = self.limits.range
+        return None if limit is None else limit.nearest_m
 
     @property
     def forecast_period(self) -> float:
