@@ -30,7 +30,7 @@ class NorthLimit:
         return point.z[1]
 
 
-@limit("north", "north_m", float | None, key(None, "Largest y in m.", "null, or a number"))
+@limit("north", "north_m", float | None, key(None, "Largest y in m."))
 def north(value, problem):
     yield NorthLimit(value)
 
@@ -41,7 +41,7 @@ problem = TrackingProblem("own", 2, "A target in the north.", target={"kind": "c
 SCRIPT = """
 import json, sys
 import gbt_ocp as gbt
-from gbt_ocp.experiments.config.schema import schema
+from gbt_ocp.experiments.config.json_schema import json_schema
 
 configuration = gbt.load_config("own.yaml")
 free = gbt.run("own.yaml", overrides=["limits.north_m=null", "limits.hard=[]"])
@@ -50,7 +50,7 @@ try:
     gbt.load_config("own.yaml", overrides=["limits.north_m=far", "limits.hard=[south]"])
 except gbt.ConfigurationError as error:
     faults = error.faults
-described = schema()["$defs"]["Limits"]["properties"]
+described = json_schema()["$defs"]["Limits"]["properties"]
 print(json.dumps({
     "written": configuration.to_mapping()["limits"],
     "free": free.history.vehicle_pose[:, 1].max(),

@@ -25,11 +25,9 @@ Corner = tuple[float, float]
 class RangeLimit(Section):
     """Distance from the target, as far as the forecast tells it."""
 
-    nearest_m: Positive | None = key(None, "Least range in m.", "a number > 0, or null for none")
-    farthest_m: Positive | None = key(None, "Largest range in m.", "a number > nearest_m, or null for none")
-    confidence: float = key(
-        0.95, "Probability with which each of the two is kept.", "a number in [0.5, 1)", ge=0.5, lt=1.0
-    )
+    nearest_m: Positive | None = key(None, "Least range in m.")
+    farthest_m: Positive | None = key(None, "Largest range in m.", "null, or a number > nearest_m")
+    confidence: float = key(0.95, "Probability with which each of the two is kept.", ge=0.5, lt=1.0)
     margin_m: float = key(
         0.0, "By how much plans keep more than what is asked, in m; a run is judged by what is asked.",
         "a number >= 0, and below half of what lies between nearest_m and farthest_m", ge=0.0,
@@ -37,17 +35,14 @@ class RangeLimit(Section):
     spread: Literal["forecast", "present"] = key(
         "forecast",
         "Spread of the posterior ahead: that of the forecast, or the present one, which further bearings will keep.",
-        "forecast, present",
     )
 
 
 class DepthLimit(Section):
     """The water, in space."""
 
-    lowest_m: float = Field(description="Seabed: least z in m.", json_schema_extra={"allowed": "a number"})
-    highest_m: float = Field(
-        description="Surface: largest z in m.", json_schema_extra={"allowed": "a number > lowest_m"}
-    )
+    lowest_m: float = key(..., "Seabed: least z in m.")
+    highest_m: float = key(..., "Surface: largest z in m.", "a number > lowest_m")
 
 
 class KeepOutZone(Section):
@@ -133,11 +128,11 @@ def _shared() -> dict[str, tuple[Any, Any]]:
     return {
         "hard": (
             Annotated[tuple[names, ...], BeforeValidator(as_tuples)],
-            key((), "Which of them are imposed exactly; the others are penalised.", f"a list of {', '.join(LIMITS)}"),
+            key((), "Which of them are imposed exactly; the others are penalised."),
         ),
-        "weight": (Positive, key(100.0, "w_p of those that are penalised.", "a number > 0")),
-        "width": (Positive, key(0.01, "ϖ of those that are penalised, in units of the limit.", "a number > 0")),
-        "nodes": (int, key(4, "n_c, intervals a piece at which they are imposed.", "a whole number >= 1", ge=1)),
+        "weight": (Positive, key(100.0, "w_p of those that are penalised.")),
+        "width": (Positive, key(0.01, "ϖ of those that are penalised, in units of the limit.")),
+        "nodes": (int, key(4, "n_c, intervals a piece at which they are imposed.", ge=1)),
     }
 
 
@@ -145,7 +140,7 @@ def _shared() -> dict[str, tuple[Any, Any]]:
     "range",
     "range",
     RangeLimit | None,
-    key(None, "Distance from the target.", "null, or a mapping with nearest_m, farthest_m"),
+    key(None, "Distance from the target."),
 )
 def _range(value: RangeLimit, problem: TrajectoryProblem) -> Iterator[Constraint]:
     from gbt_ocp.guidance.target_limits import RangeLimits
@@ -177,7 +172,7 @@ def _keep_out(value: tuple[KeepOutZone, ...], problem: TrajectoryProblem) -> Ite
     "depth",
     "depth",
     DepthLimit | None,
-    key(None, "Seabed and surface, in space.", "null, or a mapping with lowest_m, highest_m"),
+    key(None, "Seabed and surface, in space."),
 )
 def _depth(value: DepthLimit, problem: TrajectoryProblem) -> Iterator[Constraint]:
     from gbt_ocp.ocp import DepthLimits
@@ -185,7 +180,7 @@ def _depth(value: DepthLimit, problem: TrajectoryProblem) -> Iterator[Constraint
     yield DepthLimits(value.lowest_m, value.highest_m)
 
 
-@limit("speed", "speed", Positive | None, key(None, "Largest speed in m/s.", "null, or a number > 0"))
+@limit("speed", "speed", Positive | None, key(None, "Largest speed in m/s."))
 def _speed(value: float, problem: TrajectoryProblem) -> Iterator[Constraint]:
     from gbt_ocp.ocp import SpeedLimit
 
@@ -196,7 +191,7 @@ def _speed(value: float, problem: TrajectoryProblem) -> Iterator[Constraint]:
     "yaw_rate",
     "yaw_rate_deg",
     Positive | None,
-    key(None, "Largest yaw rate in degrees a second.", "null, or a number > 0"),
+    key(None, "Largest yaw rate in degrees a second."),
 )
 def _yaw_rate(value: float, problem: TrajectoryProblem) -> Iterator[Constraint]:
     from gbt_ocp.ocp import YawRateLimit
@@ -209,7 +204,7 @@ def _yaw_rate(value: float, problem: TrajectoryProblem) -> Iterator[Constraint]:
     "bow_angle",
     "bow_angle_deg",
     Annotated[float, Field(gt=0.0, lt=180.0)] | None,
-    key(None, "Largest angle between bow and expected target in degrees.", "null, or a number in (0, 180)"),
+    key(None, "Largest angle between bow and expected target in degrees."),
 )
 def _bow_angle(value: float, problem: TrajectoryProblem) -> Iterator[Constraint]:
     from gbt_ocp.guidance.target_limits import FieldOfView
