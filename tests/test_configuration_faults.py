@@ -102,7 +102,7 @@ def test_the_bounds_in_words_are_those_of_the_check():
         if not BOUNDS.search(text) or field.json_schema_extra:
             continue
         whole, several = "whole" in text, "list" in text or "{" in text
-        check = TypeAdapter(Annotated[field.annotation, *field.metadata])
+        check = TypeAdapter(Annotated[field.annotation, *field.metadata, "as declared"])
         for bound, inclusive, inwards in bounds(text):
             step = 1 if whole else 1e-6
             for value, fits in ((bound, inclusive), (bound + inwards * step, True), (bound - inwards * step, False)):
