@@ -14,7 +14,8 @@ from scipy.optimize import lsq_linear, minimize
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
 from gbt_ocp.guidance.target_limits import RangeLimits
 from gbt_ocp.models.bearings import DesiredBearing
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass, Unicycle
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.models.vehicles import PlanarPointMass, Unicycle
 from gbt_ocp.ocp import FlatTrajectory, KeepOut, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.check import LimitCheck

@@ -3,7 +3,8 @@ import pytest
 
 from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
 from gbt_ocp.models.bearings import DesiredBearing
-from gbt_ocp.models.vehicles import FALCON_2D, FossenVehicle, PlanarPointMass
+from gbt_ocp.models.fossen import FALCON_2D, FossenVehicle
+from gbt_ocp.models.vehicles import PlanarPointMass
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
