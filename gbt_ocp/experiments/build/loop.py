@@ -148,7 +148,7 @@ def build_problem(configuration: Configuration, vehicle: Vehicle) -> TrajectoryP
         problem = problem.subject_to(limit, nodes=section.nodes)
     else:
         problem = problem.subject_to_penalty(limit, weight=section.weight, width=section.width, nodes=section.nodes)
-    problem = with_limits(problem, configuration)
+    problem = with_limits(problem, configuration.limits)
     more = configuration.problem_object.constrain
     if more is None:
         return problem
