@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from gbt_ocp.cli import arguments as command_line
+from gbt_ocp.cli import parser as command_line
 from gbt_ocp.experiments.config.allowed import allowed, is_section, with_sizes
 from gbt_ocp.experiments.config.keys import sections_in
 from gbt_ocp.experiments.config.loading import load_config
@@ -80,7 +80,7 @@ def test_yaml_blocks_are_configurations(name):
     assert name != "README.md" or blocks(README, "yaml")
 
 
-SUBCOMMANDS = tuple(command_line.EXAMPLES)
+SUBCOMMANDS = tuple(command_line.SUBCOMMANDS)
 PLACEHOLDERS = {"$case": "1", "$seed": "0"}
 
 
