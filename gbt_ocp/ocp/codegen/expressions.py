@@ -8,11 +8,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import cache
 
 import casadi as ca
 
+from gbt_ocp.files import packaged_text
+
 ARGUMENTS = 3
 """Every C function takes as many inputs, so that all have one type."""
+
+
+_NUMBER = re.compile(r"(?<![\w.])(?:\d+\.\d*|\.\d+|\d+(?=[eE]))(?:[eE][+-]?\d+)?")
+"""Constants that C takes for double precision."""
 
 
 class NotGenerableError(ValueError):
@@ -71,4 +78,12 @@ def _definition(text: str, function: ca.Function) -> str:
 
 
 def _plain(text: str) -> str:
-    return text.replace("casadi_real", "gbt_real").replace("casadi_int", "int")
+    text = text.replace("casadi_real", "gbt_real").replace("casadi_int", "int")
+    return _NUMBER.sub(r"(gbt_real)\g<0>", _math().sub(r"gbt_\1(", text))
+
+
+@cache
+def _math() -> re.Pattern[str]:
+    """Calls of the functions of libm that the kernel has in the precision of the planner."""
+    names = re.findall(r"#define gbt_(\w+) GBT_IN_PRECISION", packaged_text("gbt_ocp.ocp", "kernel", "gbt_math.h"))
+    return re.compile(rf"\b({'|'.join(names)})\(")
