@@ -43,7 +43,11 @@ def recorded_arrays() -> list[str]:
     for one in columns(History):
         meaning = one.meaning.replace("``", "`").replace("|", "\\|")
         lines.append(f"| `{one.name}` | `{one.shape}` | {one.units} | {meaning} |")
-    lines += ["", "K steps, d coordinates, m inputs, n + 1 forecast times, p pieces; the flat output has d + 1 entries.", ""]
+    lines += [
+        "",
+        "K steps, d coordinates, m inputs, n + 1 forecast times, p pieces; the flat output has d + 1 entries.",
+        "",
+    ]
     return lines
 
 

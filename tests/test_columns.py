@@ -106,7 +106,9 @@ def test_longer_words_and_more_pieces_than_before_keep_what_was_recorded():
     @recorded
     class Growing(History):
         word: np.ndarray = column("t", lambda step: words[round(10 * step.time) % 5], kind=str, meaning="A word")
-        plan: Array = column("t piece pose", lambda step: np.full((round(10 * step.time) % 5, 3), step.time), meaning="")
+        plan: Array = column(
+            "t piece pose", lambda step: np.full((round(10 * step.time) % 5, 3), step.time), meaning=""
+        )
 
     history = simulate(*looped(**{"guidance.kind": "random"}), 1.0, history=Growing).history
     assert list(history.word) == [*words, *words, ""]

@@ -55,6 +55,8 @@ class Recorder:
         """An array with room for the row: more pieces or longer words than before need a larger one."""
         array = self._arrays.get(one.name)
         before = row.shape if array is None else array.shape[1:]
+        if array is not None and before == row.shape and row.itemsize <= array.itemsize:
+            return array
         fits = len(row.shape) == len(before) == len(one.axes) - 1 and all(
             axis in RAGGED or length == known
             for axis, length, known in zip(one.axes[1:], row.shape, before, strict=True)
