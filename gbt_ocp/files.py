@@ -24,7 +24,9 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 
-def read_arrays(path: str | os.PathLike[str], names: Iterable[str], kind: str) -> dict[str, NDArray[Any]]:
+def read_arrays(
+    path: str | os.PathLike[str], names: Iterable[str], kind: str, *, optional: Iterable[str] = ()
+) -> dict[str, NDArray[Any]]:
     """Arrays of an ``.npz`` by name; what stands beside them is passed over.
 
     Parameters
@@ -35,6 +37,8 @@ def read_arrays(path: str | os.PathLike[str], names: Iterable[str], kind: str) -
         Of the arrays.
     kind
         What the file should be, for the line that says that it is none.
+    optional
+        Names of arrays that the file may lack.
 
     Raises
     ------
@@ -51,7 +55,8 @@ def read_arrays(path: str | os.PathLike[str], names: Iterable[str], kind: str) -
                 missing = [name for name in wanted if name not in archive.files]
                 if missing:
                     raise ValueError(f"missing arrays: {', '.join(missing)}")
-                return {name: archive[name] for name in wanted}
+                found = [*wanted, *(name for name in optional if name in archive.files)]
+                return {name: archive[name] for name in found}
         except Exception as fault:
             # Bytes that are not what was written make zipfile, zlib and numpy raise almost anything: RuntimeError
             # (encrypted), NotImplementedError (another compression), MemoryError (a shape of billions), OSError (a

@@ -9,7 +9,6 @@ import numpy as np
 from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.guidance.planned import PlannedMotion
-from gbt_ocp.simulation.history import History
 from gbt_ocp.simulation.loop import simulate
 from gbt_ocp.simulation.summary import FALLBACKS, installed_versions, summarise
 from gbt_ocp.studies.limits.problems import Check, unasked
@@ -35,7 +34,7 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
     loop.guidance.planner = kept_planner(configuration, pair)
     began = perf_counter()
     recording = simulate(loop, start, configuration.duration_s, lambda *_: check())
-    history = History(**recording.arrays)  # type: ignore[arg-type]  # names and kinds are checked there
+    history = recording.history
     summary = summarise(
         history,
         period=configuration.sensor.period_s,
