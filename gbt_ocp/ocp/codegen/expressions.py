@@ -8,22 +8,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
 
 import casadi as ca
+
+from gbt_ocp.files import packaged_text
 
 ARGUMENTS = 3
 """Every C function takes as many inputs, so that all have one type."""
 
 
-LIBM = (
-    *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
-    *("exp", "expm1", "log", "log1p", "sqrt", "pow", "hypot", "erf"),
-    *("fabs", "floor", "ceil", "fmod", "remainder", "fmin", "fmax", "copysign"),
-)
-"""Functions of C99's libm that generated code may call."""
-
 CONSTANTS = {"casadi_inf": "(gbt_real)INFINITY", "casadi_nan": "(gbt_real)NAN"}
 """CasADi's names for what C99 writes differently."""
+
+_NUMBER = re.compile(r"(?<![\w.])(?:\d+\.\d*|\.\d+|\d+(?=[eE]))(?:[eE][+-]?\d+)?")
+"""Constants that C takes for double precision."""
 
 
 class NotGenerableError(ValueError):
@@ -90,7 +89,7 @@ def _refuse_unknown(name: str, body: str, operators: Mapping[str, str]) -> None:
         if operator in used:
             used |= set(re.findall(r"\b(\w+)\(", operators[operator]))
     variables = {word for word in used if re.fullmatch(r"a\d+|x\d|out|casadi_real", word)}
-    unknown = sorted(used - variables - set(operators) - set(CONSTANTS) - set(LIBM))
+    unknown = sorted(used - variables - set(operators) - set(CONSTANTS) - _libm())
     if unknown:
         raise NotGenerableError(
             f"{name} cannot be generated as C: found {', '.join(unknown)}; allowed: what C99 and its libm have"
@@ -108,4 +107,18 @@ def _definition(name: str, body: str) -> str:
 def _plain(text: str) -> str:
     for name, value in CONSTANTS.items():
         text = re.sub(rf"\b{name}\b", value, text)
-    return text.replace("casadi_real", "gbt_real").replace("casadi_int", "int")
+    text = text.replace("casadi_real", "gbt_real").replace("casadi_int", "int")
+    return _NUMBER.sub(r"(gbt_real)\g<0>", _math().sub(r"gbt_\1(", text))
+
+
+@cache
+def _math() -> re.Pattern[str]:
+    """Calls of the functions of libm."""
+    return re.compile(rf"\b({'|'.join(sorted(_libm()))})\(")
+
+
+@cache
+def _libm() -> frozenset[str]:
+    """Functions of C99's libm that generated code may call: those that the kernel has in the planner's precision."""
+    header = packaged_text("gbt_ocp.ocp", "kernel", "gbt_math.h")
+    return frozenset(re.findall(r"#define gbt_(\w+) GBT_IN_PRECISION", header))

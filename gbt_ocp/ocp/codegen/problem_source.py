@@ -96,7 +96,7 @@ def generate_problem(problem: ProblemData) -> GeneratedProblem:
     table = ",\n".join(limit.definition for limit in limits) or "    {0}"
     source = "\n".join(
         [
-            '#include "gbt_problem.h"\n\n#include <tgmath.h>\n',
+            '#include "gbt_problem.h"\n\n#include "gbt_math.h"\n',
             c_source(functions),
             c_array("gbt_real", "gbt_input_scale", input_scale(problem), const="const"),
             c_array("gbt_real", "gbt_acceleration_scale", problem.vehicle.acceleration_scale, const="const"),
@@ -274,13 +274,9 @@ _HEADER = """/* Generated: sizes, limits and derivatives of one trajectory probl
 #ifndef GBT_PROBLEM_H
 #define GBT_PROBLEM_H
 
-#ifdef GBT_SINGLE
-typedef float gbt_real;
-#define GBT_EPSILON ((gbt_real)1.1920929e-7)
-#else
-typedef double gbt_real;
-#define GBT_EPSILON ((gbt_real)2.220446049250313e-16)
-#endif
+#include "gbt_real.h"
+
+GBT_BEGIN_C
 
 #define GBT_FLAT {flat}              /* n, flat outputs */
 #define GBT_DIMENSION {dimension}         /* d, dimension of the space */
@@ -346,6 +342,8 @@ void gbt_prepare(const gbt_real *mean, const gbt_real *root, const gbt_real *des
 void gbt_prepare_limits(const gbt_real *mean, const gbt_real *covariance, const gbt_real *third, gbt_real *moving);
 #endif
 #endif
+
+GBT_END_C
 
 #endif
 """
