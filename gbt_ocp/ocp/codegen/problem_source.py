@@ -16,7 +16,14 @@ from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, ProblemData
 from gbt_ocp.ocp.terms import Constraint, FromMoments, JointObjective, LimitFromMoments
 from gbt_ocp.ocp.trajectory import FlatPoint
-from gbt_ocp.ocp.transcription import constraint_value, first_free_node, input_scale, limit_size
+from gbt_ocp.ocp.transcription import (
+    constraint_value,
+    first_free_node,
+    input_scale,
+    limit_size,
+    stacked_size,
+    unstacked,
+)
 
 
 @dataclass(frozen=True)
@@ -62,7 +69,7 @@ def generate_problem(problem: ProblemData, options: CompiledOptions | None = Non
         If an expression cannot be written as C.
     """
     size = problem.vehicle.flat_dimension
-    parameters = sum(rows * columns for term in problem.objectives for rows, columns in term.shapes.values())
+    parameters = sum(stacked_size(term.shapes) for term in problem.objectives)
     objective_functions, objective_text, hessian_entries = _objective(problem, parameters)
     imposed: list[HardLimit | PenaltyLimit] = [*problem.hard, *problem.penalties]
     sizes = [limit_size(limit.constraint) for limit in imposed]
@@ -162,11 +169,8 @@ def _objective(problem: ProblemData, parameters: int) -> tuple[list[ca.Function]
                 f"planner.solver: found compiled, which takes sums over the endpoints of a plan; allowed: ipopt, since "
                 f"the objective {type(term).__name__} couples them"
             )
-        symbols = {}
-        for name, (rows, columns) in term.shapes.items():
-            symbols[name] = ca.reshape(stacked[offset : offset + rows * columns], rows, columns)
-            offset += rows * columns
-        value += term.value(_split(point, size), symbols)
+        value += term.value(_split(point, size), unstacked(term.shapes, stacked[offset:]))
+        offset += stacked_size(term.shapes)
     gradient = ca.gradient(value, point)
     hessian, rows_, columns_ = _nonzeros(ca.tril(ca.hessian(weight * value, point)[0]))
     functions = [
