@@ -1,4 +1,4 @@
-"""Files and folders that are there whole or not at all, one process at a time in a folder, and damaged archives."""
+"""Files and folders that appear complete or not at all, one process at a time in a folder, and damaged archives."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 
-def read_arrays(path: str | os.PathLike[str], names: Iterable[str], kind: str) -> dict[str, NDArray[Any]]:
+def read_arrays(
+    path: str | os.PathLike[str], names: Iterable[str], kind: str, *, optional: Iterable[str] = ()
+) -> dict[str, NDArray[Any]]:
     """Arrays of an ``.npz`` by name; what stands beside them is passed over.
 
     Parameters
@@ -35,6 +37,8 @@ def read_arrays(path: str | os.PathLike[str], names: Iterable[str], kind: str) -
         Of the arrays.
     kind
         What the file should be, for the line that says that it is none.
+    optional
+        Names of arrays that the file may lack.
 
     Raises
     ------
@@ -51,7 +55,8 @@ def read_arrays(path: str | os.PathLike[str], names: Iterable[str], kind: str) -
                 missing = [name for name in wanted if name not in archive.files]
                 if missing:
                     raise ValueError(f"missing arrays: {', '.join(missing)}")
-                return {name: archive[name] for name in wanted}
+                found = [*wanted, *(name for name in optional if name in archive.files)]
+                return {name: archive[name] for name in found}
         except Exception as fault:
             # Bytes that are not what was written make zipfile, zlib and numpy raise almost anything: RuntimeError
             # (encrypted), NotImplementedError (another compression), MemoryError (a shape of billions), OSError (a
@@ -61,7 +66,7 @@ def read_arrays(path: str | os.PathLike[str], names: Iterable[str], kind: str) -
 
 
 PARTIAL = ".partial-"
-"""Marks a temporary folder: ``.NAME.partial-HOST-PID-TOKEN`` beside the final NAME."""
+"""Marks a temporary file or folder: ``.NAME.partial-HOST-PID-TOKEN`` beside the final NAME."""
 
 
 @contextmanager
@@ -183,22 +188,45 @@ def _mark(name: str) -> str:
     return f".{name}{PARTIAL}"
 
 
-def remove_abandoned(target: Path) -> list[Path]:
-    """Remove temporary folders that killed processes left beside ``target``, and return their paths.
+def temporaries(folder: Path, name: str | None = None) -> list[Path]:
+    """Temporary files and folders in ``folder``: those meant for the final ``name``, or all."""
+    start = "." if name is None else _mark(name)
+    return [entry for entry in folder.iterdir() if entry.name.startswith(start) and PARTIAL in entry.name]
 
-    Only folders meant for the same ``target``, made on this machine by a process that no longer lives, are touched:
-    a sweep's other workers may be writing at this moment.
+
+def remove_temporaries(folder: Path, name: str | None = None, *, abandoned: bool = True) -> list[Path]:
+    """Remove temporary files and folders, and return their paths.
+
+    Parameters
+    ----------
+    folder
+        Where they lie.
+    name
+        Only those meant for this final name.
+    abandoned
+        Only those that a process of this machine left that no longer lives: the others may be in use at this moment.
     """
-    if os.name != "posix":  # os.kill(pid, 0) asks on POSIX, and kills on Windows
-        return []
-    prefix = f"{_mark(target.name)}{socket.gethostname()}-"
-    removed = []
-    for entry in list(target.parent.iterdir()):
-        pid, _, token = entry.name.removeprefix(prefix).partition("-")
-        if entry.name.startswith(prefix) and token and pid.isdigit() and not _alive(int(pid)):
+    found = [entry for entry in temporaries(folder, name) if not abandoned or _is_abandoned(entry)]
+    for entry in found:
+        if entry.is_dir():
             shutil.rmtree(entry, ignore_errors=True)
-            removed.append(entry)
-    return removed
+        else:
+            entry.unlink(missing_ok=True)
+    return found
+
+
+def remove_abandoned(target: Path) -> list[Path]:
+    """Remove what killed processes left beside ``target`` while they wrote it, and return the paths."""
+    return remove_temporaries(target.parent, target.name)
+
+
+def _is_abandoned(entry: Path) -> bool:
+    if os.name != "posix":  # os.kill(pid, 0) asks on POSIX, and kills on Windows
+        return False
+    maker = entry.name.rpartition(PARTIAL)[2]
+    host = f"{socket.gethostname()}-"
+    pid, _, token = maker.removeprefix(host).partition("-")
+    return maker.startswith(host) and bool(token) and pid.isdigit() and not _alive(int(pid))
 
 
 def _refuse_occupied(final: Path) -> None:
@@ -257,10 +285,11 @@ def alone_in(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def whole_file(target: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary name beside ``target``, with its ending, that replaces it when the block ends well."""
+    """Yield a temporary name beside ``target``, with its suffix; it replaces ``target`` when the block ends well."""
     final = Path(target)
     final.parent.mkdir(parents=True, exist_ok=True)
-    temporary = final.parent / f".{final.stem}.partial-{secrets.token_hex(4)}{final.suffix}"
+    beside = temporary_beside(final)
+    temporary = beside.with_name(f"{beside.name}{final.suffix}")
     try:
         yield temporary
         os.replace(temporary, final)

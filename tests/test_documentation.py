@@ -91,6 +91,8 @@ def test_commands_parse(name):
         for placeholder, value in PLACEHOLDERS.items():
             line = line.replace(placeholder, value)
         words = shlex.split(re.split(r";| > ", line)[0])
+        if words[0] in ("--version", "-v"):
+            continue
         assert words[0] in SUBCOMMANDS
         if len(words) == 1 or "--help" in words:  # a subcommand that is merely named
             continue
