@@ -91,7 +91,7 @@ def run(
     try:
         loop, start = build_loop(configuration)
     except ValueError as fault:
-        # What only shows when the parts are put together is still a fault of the input.
+        # A fault that is found only when the parts are put together is a fault of the input too.
         raise ConfigurationError([f"{configuration.name}: {fault}"]) from fault
 
     stalling = [*unreachable_bearings(configuration, loop.vehicle), *stalling_penalties(loop.guidance)]
@@ -129,10 +129,10 @@ def run(
         forecast_period=configuration.forecast_period,
         standoff=configuration.standoff,
     )
-    # `auto` says in the configuration that there was a choice, not what was chosen
+    # the configuration has `auto`, which does not name the solver that was chosen
     planner = planner_of(loop.guidance)
     summary["solver"] = planner.solver.name if isinstance(planner, Planner) else None
     summary["warnings"] = stalling
-    # the limits of a problem's own vehicle stand nowhere in its configuration
+    # the configuration has no limits of a problem's own vehicle
     summary["thrust_max"] = loop.vehicle.thrust_max.tolist()
     return Result(configuration, history, summary)
