@@ -255,7 +255,12 @@ target_link_libraries(user PRIVATE bow_gbt_planner::bow_gbt_planner stern_gbt_pl
 
 
 @pytest.mark.parametrize(
-    ("how", "single"), [("find_package", False), ("find_package", True), ("add_subdirectory", False)]
+    ("how", "single"),
+    [
+        ("find_package", False),
+        pytest.param("find_package", True, marks=pytest.mark.slow),
+        pytest.param("add_subdirectory", False, marks=pytest.mark.slow),
+    ],
 )
 def test_cmake_installs_a_package_that_other_projects_find(folders, tmp_path, how, single):
     if shutil.which("cmake") is None:
