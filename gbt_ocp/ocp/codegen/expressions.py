@@ -100,7 +100,7 @@ def _refuse_unknown(name: str, body: str, operators: Mapping[str, str]) -> None:
 
 def _definition(name: str, body: str) -> str:
     inputs = [f"x{i}" for i in range(ARGUMENTS)]
-    idle = "".join(f"  (void){x};\n" for x in inputs if not re.search(rf"\b{x}\[", body))
+    idle = "".join(f"  (void){x};\n" for x in (*inputs, "out") if not re.search(rf"\b{x}\[", body))
     arguments = ", ".join(f"const gbt_real *{x}" for x in inputs)
     kind = "" if name.startswith("gbt_") else "static "
     return f"{kind}void {name}({arguments}, gbt_real *out)\n{{{_plain(body).rstrip()}\n{idle}}}\n"

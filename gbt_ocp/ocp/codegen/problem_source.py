@@ -118,7 +118,7 @@ def generate_problem(problem: ProblemData, options: CompiledOptions | None = Non
 
 def from_moments(problem: ProblemData) -> bool:
     """Whether the moments of a forecast are all that the problem needs."""
-    return all(isinstance(term, FromMoments) for term in problem.objectives) and all(
+    return all(isinstance(term, FromMoments) or not term.shapes for term in problem.objectives) and all(
         isinstance(constraint, LimitFromMoments) for constraint in problem.constraints if limit_size(constraint)
     )
 
@@ -133,7 +133,7 @@ def _published(problem: ProblemData) -> list[ca.Function]:
     ]
     if from_moments(problem):
         mean, root, desired = ca.SX.sym("mean", d), ca.SX.sym("root", d, d), ca.SX.sym("desired", d)
-        stacked = []
+        stacked = [ca.SX(0, 1)]
         for term in problem.objectives:
             if isinstance(term, FromMoments):
                 values = term.from_moments(mean, root, desired)
