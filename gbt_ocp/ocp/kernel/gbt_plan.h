@@ -9,6 +9,8 @@
    Every call returns a plan, unless the input is not finite: where the solver fails, the rest of the previous plan, a
    plan from a cold start, or a braking plan, in this order. plan.piece_violation[0] says whether its first piece keeps
    the limits. Nothing is allocated, and the number of iterations of the solver is bounded. */
+#include "gbt_identity.h"
+
 #ifndef GBT_PLAN_H
 #define GBT_PLAN_H
 
@@ -50,6 +52,7 @@ typedef struct {
 } gbt_planner;
 
 /* Default settings, no previous plan. */
+#define gbt_plan_init GBT_NAME(gbt_plan_init)
 void gbt_plan_init(gbt_planner *planner);
 
 /* Size of a gbt_planner, for callers that do not see the struct. */
