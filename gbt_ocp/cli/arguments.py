@@ -41,6 +41,7 @@ EXAMPLES = {
     "replay": (
         "gbt-ocp replay log.csv --bearing-from north",
         "gbt-ocp replay log.csv --bearing-from x --tracker motion_gp,ekf,imm_ekf --out runs/log",
+        "gbt-ocp replay log.csv --bearing-from north --where contact=1",
         "gbt-ocp replay log.csv --config mine.yaml --latency 0.5 --set tracker.range.median_m=200",
     ),
     "new": ("gbt-ocp new my_problem.py", "gbt-ocp run my_problem.py"),
@@ -200,6 +201,14 @@ def _add_replay(replay: argparse.ArgumentParser) -> None:
     replay.add_argument(
         "--bearing-from", choices=("x", "north"), help="x: counter-clockwise from +x; north: clockwise from +y"
     )
+    replay.add_argument(
+        "--where",
+        metavar="COLUMN=VALUE",
+        type=_where,
+        action="append",
+        default=[],
+        help="read only the rows of one contact; may be given again for another column",
+    )
     replay.add_argument("--latency", metavar="S", type=float, help="age in s of a bearing at its time stamp")
     _add_out(replay, "a new or empty folder (default: a new one in runs/)")
     _add_set(replay, "replace single keys")
@@ -247,6 +256,13 @@ def _seed(text: str) -> int:
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"found {text!r}; allowed: a whole number >= 0")
     return int(text)
+
+
+def _where(text: str) -> tuple[str, str]:
+    column, equals, value = text.partition("=")
+    if not equals or not column.strip():
+        raise argparse.ArgumentTypeError(f"found {text!r}; allowed: COLUMN=VALUE")
+    return column.strip(), value.strip()
 
 
 def _names(text: str) -> list[str]:

@@ -13,6 +13,7 @@ import os
 import sys
 import tempfile
 import traceback
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -406,6 +407,9 @@ def _replay(arguments: argparse.Namespace) -> int:
 
     out: Path | None = arguments.out
     _refuse_unwritable(out)
+    twice = [name for name, count in Counter(name for name, _ in arguments.where).items() if count > 1]
+    if twice:
+        raise ConfigurationError([f"--where: found {twice[0]} twice; allowed: each column once"])
     with tqdm(disable=arguments.quiet, file=sys.stderr, unit="bearing") as bar:
 
         def after(name: str, done: int, total: int) -> None:
@@ -420,6 +424,7 @@ def _replay(arguments: argparse.Namespace) -> int:
             trackers=arguments.tracker,
             bearing_from=arguments.bearing_from,
             latency=arguments.latency,
+            where=dict(arguments.where),
             overrides=arguments.set,
             progress=after,
         )

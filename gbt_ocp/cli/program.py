@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import signal
+import warnings
 
 INTERRUPTED = 4
 """Exit code; :mod:`gbt_ocp.cli.main` has it too, and is not loaded yet when it is needed."""
@@ -21,6 +22,7 @@ def main() -> int:
     int
         Exit code, see :mod:`gbt_ocp.cli.main`.
     """
+    warnings.formatwarning = _warning
     # What a shell starts in the background ignores Ctrl-C, and is left to do so.
     heard = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if heard:
@@ -36,6 +38,13 @@ def main() -> int:
     except KeyboardInterrupt:  # before it answered, or after
         return _said()
     return code
+
+
+def _warning(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
+) -> str:
+    """A warning as a user reads it, without the line of the program that gave it."""
+    return f"warning: {message}\n"
 
 
 def _leave(number: int, frame: object) -> None:
