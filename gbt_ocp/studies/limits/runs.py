@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
@@ -13,9 +12,8 @@ from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.simulation.loop import simulate
 from gbt_ocp.simulation.summary import FALLBACKS, installed_versions, summarise
 from gbt_ocp.studies.limits.problems import Check, unasked
+from gbt_ocp.studies.limits.tables import Row
 from gbt_ocp.studies.limits.treatments import Pair, kept_planner, treated
-
-Row = dict[str, Any]
 
 SETTLING_S = 2.0
 """Time from which errors and condition numbers count as settled."""
