@@ -8,7 +8,6 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.plan import Plan
@@ -78,6 +77,8 @@ class Mover:
         return Move(np.vstack([z, 0.0 * z]), self._vehicle.state(z, 0.0 * z), none, none)
 
     def _integrate(self, state: Array, thrust: Callable[[float], Array]) -> Array:
+        from scipy.integrate import solve_ivp  # takes half a second to import, which other ways do not need
+
         found = solve_ivp(
             lambda s, x: self._vehicle.rates(x, thrust(s)), (0.0, self._period), state, rtol=1e-8, atol=1e-10
         )
