@@ -27,6 +27,7 @@ _LAYOUT = {
     "vehicle_velocity": "Kz",
     "thrust": "Ka",
     "piece_thrust_peak": "Ka",
+    "off_plan": "K",
     "target": "Kd",
     "bearing": "Kd",
     "desired_bearing": "Kd",
@@ -69,6 +70,9 @@ class History:
     piece_thrust_peak
         Largest |τ|/τ_max of each axis on the fine grid of the piece executed from step k, ``(K, d+1)``. NaN in the
         last row when no piece is executed from there.
+    off_plan
+        Distance of the vehicle from the planned position at the end of the period that begins at t_k, ``(K,)``, m. NaN
+        where no plan is followed.
     target
         True position P_T, ``(K, d)``, m.
     bearing, detected
@@ -133,6 +137,7 @@ class History:
     desired_bearing: Array
     piece_thrust_peak: Array
     prior_cov: Array
+    off_plan: Array
 
     def __post_init__(self) -> None:
         sizes: dict[str, tuple[int, str]] = {}

@@ -23,6 +23,7 @@ _UNITS = {
     "vehicle_velocity": "m/s; yaw rate rad/s",
     "thrust": "N; yaw moment N m",
     "piece_thrust_peak": "of the limit",
+    "off_plan": "m",
     "target": "m",
     "forecast_mean": "m",
     "forecast_cov": "m2",
@@ -56,6 +57,7 @@ _DIMENSIONS: dict[str, tuple[str, ...]] = {
 }
 
 _SCALARS = (
+    "off_plan",
     "condition_number",
     "length_scale",
     "amplitude",

@@ -23,6 +23,7 @@ from gbt_ocp.experiments.config.keys import (
     key,
 )
 from gbt_ocp.experiments.config.limits import Limits
+from gbt_ocp.experiments.config.plant import Plant
 from gbt_ocp.experiments.config.replay import Replay
 from gbt_ocp.experiments.config.target import CaseTarget, ManoeuvreTarget, ProblemTarget, TrackTarget, TurningTarget
 from gbt_ocp.experiments.config.tracker import AnyTracker, GaussianProcessTracker
@@ -193,6 +194,7 @@ class Configuration(Section):
     vehicle: FossenVehicle | ProblemVehicle = Field(
         default_factory=lambda: FossenVehicle(kind="fossen"), discriminator="kind", description="The vehicle."
     )
+    plant: Plant = Field(default_factory=Plant, description="How the vehicle that moves differs from its model.")
     replay: Replay = Field(default_factory=Replay, description="Recorded bearings replayed.")
 
     @property
