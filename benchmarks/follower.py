@@ -63,11 +63,11 @@ def runs(config: str, overrides: Iterable[str], seeds: int, duration: float) -> 
     for seed in range(seeds):
         configuration = gbt.load_config(config, [f"duration_s={duration}", *overrides], seed)
         loop, start = build_loop(configuration)
-        arrays = simulate(replace(loop, tracker=Truth(loop.target)), start, duration).arrays
-        off.append(arrays["off_plan"])
-        asked = arrays["solver_status"] != ""
-        solved.append((arrays["solver_status"] == "solved")[asked])
-        peak = max(peak, float(np.nanmax(arrays["piece_thrust_peak"])))
+        history = simulate(replace(loop, tracker=Truth(loop.target)), start, duration).history
+        off.append(history.off_plan)
+        asked = history.solver_status != ""
+        solved.append((history.solver_status == "solved")[asked])
+        peak = max(peak, float(np.nanmax(history.piece_thrust_peak)))
     return np.concatenate(off), float(np.mean(np.concatenate(solved))), peak
 
 

@@ -10,7 +10,8 @@ from test_codegen import fossen
 
 from gbt_ocp.guidance.inverse_dynamics import InverseDynamics
 from gbt_ocp.guidance.startup import Crossing
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.models.vehicles import PlanarPointMass
 from gbt_ocp.ocp import FlatTrajectory
 from gbt_ocp.ocp.codegen.library import build_library, find_compiler, kernel_files
 from gbt_ocp.ocp.codegen.problem_source import generate_problem

@@ -7,7 +7,8 @@ from scipy.integrate import solve_ivp
 
 import gbt_ocp as gbt
 from gbt_ocp.experiments.build.loop import Streams, build_loop
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenParameters, FossenVehicle, PlanarPointMass
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenParameters, FossenVehicle
+from gbt_ocp.models.vehicles import PlanarPointMass
 from gbt_ocp.ocp import FlatTrajectory
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.simulation.mover import Mover

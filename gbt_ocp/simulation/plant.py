@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
-from gbt_ocp.models.vehicles import FossenParameters, Vehicle, rotation
+from gbt_ocp.models.fossen import FossenParameters, rotation
+from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.typing import Array
 
 CORRELATION_S = 20.0
@@ -65,7 +66,7 @@ class Plant:
     Notes
     -----
     A force asks for a vehicle whose inputs are forces in the body frame along the axes of its pose, as those of
-    :class:`~gbt_ocp.models.vehicles.FossenVehicle` are.
+    :class:`~gbt_ocp.models.fossen.FossenVehicle` are.
     """
 
     vehicle: Vehicle

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gbt_ocp.experiments.config.schema import Configuration
-from gbt_ocp.models.vehicles import FossenVehicle, Vehicle
+from gbt_ocp.models.fossen import FossenVehicle
+from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.simulation.plant import Plant, scaled
 
 

@@ -13,7 +13,7 @@ _SMALLEST_LAG = 1.0e-3
 
 
 def _factor(meaning: str) -> Any:
-    return key(1.0, meaning, "a number in [0.01, 100]", ge=0.01, le=100.0)
+    return key(1.0, meaning, ge=0.01, le=100.0)
 
 
 def _thrust(value: float | tuple[float, ...]) -> float | tuple[float, ...]:
@@ -49,7 +49,7 @@ class Plant(Section):
     lag_s: Annotated[float, AfterValidator(_lag)] = key(
         0.0, "Time constant in s of the thrusters, first order.", f"0, or a number >= {_SMALLEST_LAG:g}", ge=0.0
     )
-    dead_time_s: float = key(0.0, "Time in s after which the thrusters begin to react.", "a number >= 0", ge=0.0)
+    dead_time_s: float = key(0.0, "Time in s after which the thrusters begin to react.", ge=0.0)
     force: Annotated[Numbers, AfterValidator(_force)] | None = key(
         None,
         "Constant force in N, earth frame; a further number is a moment about the vertical in N m.",
@@ -58,7 +58,6 @@ class Plant(Section):
     force_std: float = key(
         0.0,
         "Standard deviation in N, on each axis of the position, of a random force that varies over 20 s.",
-        "a number >= 0",
         ge=0.0,
     )
 

@@ -16,7 +16,14 @@ from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_function, c_sou
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, ProblemData
 from gbt_ocp.ocp.terms import Constraint, FromMoments, JointObjective, LimitFromMoments
 from gbt_ocp.ocp.trajectory import FlatPoint
-from gbt_ocp.ocp.transcription import constraint_value, first_free_node, input_scale, limit_size
+from gbt_ocp.ocp.transcription import (
+    constraint_value,
+    first_free_node,
+    input_scale,
+    limit_size,
+    stacked_size,
+    unstacked,
+)
 
 
 @dataclass(frozen=True)
@@ -55,7 +62,7 @@ def generate_problem(problem: ProblemData) -> GeneratedProblem:
         If an expression cannot be written as C.
     """
     size = problem.vehicle.flat_dimension
-    parameters = sum(rows * columns for term in problem.objectives for rows, columns in term.shapes.values())
+    parameters = sum(stacked_size(term.shapes) for term in problem.objectives)
     objective_functions, objective_text, hessian_entries = _objective(problem, parameters)
     imposed: list[HardLimit | PenaltyLimit] = [*problem.hard, *problem.penalties]
     sizes = [limit_size(limit.constraint) for limit in imposed]
@@ -89,7 +96,7 @@ def generate_problem(problem: ProblemData) -> GeneratedProblem:
     table = ",\n".join(limit.definition for limit in limits) or "    {0}"
     source = "\n".join(
         [
-            '#include "gbt_problem.h"\n\n#include <tgmath.h>\n',
+            '#include "gbt_problem.h"\n\n#include "gbt_math.h"\n',
             c_source(functions),
             c_array("gbt_real", "gbt_input_scale", input_scale(problem), const="const"),
             c_array("gbt_real", "gbt_acceleration_scale", problem.vehicle.acceleration_scale, const="const"),
@@ -170,11 +177,8 @@ def _objective(problem: ProblemData, parameters: int) -> tuple[list[ca.Function]
                 f"planner.solver: found compiled, which takes sums over the endpoints of a plan; allowed: ipopt, since "
                 f"the objective {type(term).__name__} couples them"
             )
-        symbols = {}
-        for name, (rows, columns) in term.shapes.items():
-            symbols[name] = ca.reshape(stacked[offset : offset + rows * columns], rows, columns)
-            offset += rows * columns
-        value += term.value(_split(point, size), symbols)
+        value += term.value(_split(point, size), unstacked(term.shapes, stacked[offset:]))
+        offset += stacked_size(term.shapes)
     gradient = ca.gradient(value, point)
     hessian, rows_, columns_ = _nonzeros(ca.tril(ca.hessian(weight * value, point)[0]))
     functions = [
@@ -271,13 +275,9 @@ _HEADER = """/* Generated: sizes, limits and derivatives of one trajectory probl
 #ifndef GBT_PROBLEM_H
 #define GBT_PROBLEM_H
 
-#ifdef GBT_SINGLE
-typedef float gbt_real;
-#define GBT_EPSILON ((gbt_real)1.1920929e-7)
-#else
-typedef double gbt_real;
-#define GBT_EPSILON ((gbt_real)2.220446049250313e-16)
-#endif
+#include "gbt_real.h"
+
+GBT_BEGIN_C
 
 #define GBT_FLAT {flat}              /* n, flat outputs */
 #define GBT_DIMENSION {dimension}         /* d, dimension of the space */
@@ -297,7 +297,6 @@ typedef double gbt_real;
 #define GBT_FINE_POINTS {fine}     /* points of a piece at which a finished trajectory is held against its limits */
 #define GBT_MOMENTS {moments}           /* whether the moments of a forecast are all that the problem needs */
 #define GBT_PRESENT {present}           /* 1 where its limits need them at the beginning of the plan too */
-
 /* A function of a point (z, its rate and its acceleration) and of what else it needs. */
 typedef void (*gbt_function)(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *out);
 
@@ -344,6 +343,8 @@ void gbt_prepare(const gbt_real *mean, const gbt_real *root, const gbt_real *des
 void gbt_prepare_limits(const gbt_real *mean, const gbt_real *covariance, const gbt_real *third, gbt_real *moving);
 #endif
 #endif
+
+GBT_END_C
 
 #endif
 """

@@ -1,8 +1,7 @@
 #include "gbt_braking.h"
 
-#include <tgmath.h>
-
 #include "gbt_check.h"
+#include "gbt_math.h"
 #include "gbt_pieces.h"
 
 #define SHARES 12 /* from drifting to stopping by halves: a stop may take a thousand times the thrust there is */
@@ -43,13 +42,13 @@ static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], const gbt_real *mo
 {
     gbt_real drift[GBT_FLAT], stop[GBT_FLAT], reach = (gbt_real)0.25;
     candidate best;
-    best.broken = best.speed = HUGE_VAL;
+    best.broken = best.speed = GBT_INFINITY;
     gbt_vehicle_drift(piece[0], piece[1], 0, drift);
     for (int j = 0; j < GBT_FLAT; j++) {
         stop[j] = -piece[1][j] / GBT_PERIOD;
         if (GBT_JOINED > 2) {
             /* The acceleration is inherited: aim the one at the end of the piece instead. */
-            const gbt_real lag = pow(GBT_PERIOD, (gbt_real)(GBT_JOINED - 2));
+            const gbt_real lag = gbt_pow(GBT_PERIOD, (gbt_real)(GBT_JOINED - 2));
             drift[j] = (drift[j] - piece[2][j]) / lag;
             stop[j] = (stop[j] - piece[2][j]) / lag;
         }
@@ -62,7 +61,7 @@ static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], const gbt_real *mo
     for (int a = 0; a < SHARES; a++)
         for (int b = 0; b < 4; b++) {
             /* Yaw brakes by its own share: a fast turn and a fast drift need different ones. */
-            const gbt_real share = a == 0 ? 0 : pow((gbt_real)0.5, (gbt_real)(SHARES - 1 - a));
+            const gbt_real share = a == 0 ? 0 : gbt_pow((gbt_real)0.5, (gbt_real)(SHARES - 1 - a));
             const gbt_real last = b == 0 ? share : (gbt_real)(b - 1) / 2;
             for (int j = 0; j < GBT_FLAT; j++)
                 piece[GBT_JOINED][j] = drift[j] + (j == GBT_FLAT - 1 ? last : share) * (stop[j] - drift[j]);

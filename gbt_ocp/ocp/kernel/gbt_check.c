@@ -1,7 +1,6 @@
 #include "gbt_check.h"
 
-#include <math.h>
-
+#include "gbt_math.h"
 #include "gbt_pieces.h"
 
 static gbt_real worst_at(const gbt_real *point, int at_start, gbt_real worst)
@@ -13,7 +12,7 @@ static gbt_real worst_at(const gbt_real *point, int at_start, gbt_real worst)
         limit->value(point, 0, 0, value);
         for (int r = 0; r < limit->sides; r++) {
             const gbt_real over = limit->sign[r] * value[limit->row[r]] - limit->edge[r];
-            if (isnan(over)) return (gbt_real)HUGE_VAL;
+            if (isnan(over)) return GBT_INFINITY;
             if (over > worst) worst = over;
         }
     }
@@ -27,7 +26,7 @@ void gbt_check(const gbt_real *start, const gbt_real *top, int pieces, int point
     for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = start[a];
     for (int i = 0; i < pieces; i++) {
         for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = top[i * GBT_FREE + a];
-        violation[i] = -(gbt_real)HUGE_VAL;
+        violation[i] = -GBT_INFINITY;
         for (int k = 0; k < points; k++) {
             const gbt_real share = (gbt_real)k / (gbt_real)(points - 1);
             gbt_point_after(piece, GBT_PERIOD * share, point);

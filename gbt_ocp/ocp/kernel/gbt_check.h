@@ -4,8 +4,10 @@
 
 #include "gbt_solver.h"
 
-/* Largest violation of each piece in units of the limits, negative inside them, HUGE_VAL where one is not a number,
-   minus HUGE_VAL without limits.
+GBT_BEGIN_C
+
+/* Largest violation of each piece in units of the limits, negative inside them, infinity where one is not a number,
+   minus infinity without limits.
 
    start    the continuous derivatives, GBT_JOINED x GBT_FLAT
    top      what is free in each piece, pieces x GBT_FREE, not scaled
@@ -14,5 +16,7 @@
    moving   of the limits at the boundaries, (pieces + 1) x GBT_MOVING */
 void gbt_check(const gbt_real *start, const gbt_real *top, int pieces, int points, const gbt_real *moving,
                gbt_real *violation);
+
+GBT_END_C
 
 #endif

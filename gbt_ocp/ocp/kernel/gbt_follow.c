@@ -1,7 +1,6 @@
 #include "gbt_follow.h"
 
-#include <tgmath.h>
-
+#include "gbt_math.h"
 #include "gbt_pieces.h"
 
 #define TURN ((gbt_real)6.283185307179586)
@@ -58,20 +57,20 @@ gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt
     gbt_point_after(piece, s + hold / 2, middle);
     for (int j = 0; j < GBT_FLAT; j++) {
         const gbt_real error = now[j] - z[j], rate_error = now[GBT_FLAT + j] - dz[j];
-        result->error[j] = j < GBT_DIMENSION ? error : remainder(error, TURN);
+        result->error[j] = j < GBT_DIMENSION ? error : gbt_remainder(error, TURN);
         if (j < GBT_DIMENSION) square += error * error;
         point[j] = z[j] + (middle[j] - now[j]);
         point[GBT_FLAT + j] = dz[j] + (middle[GBT_FLAT + j] - now[GBT_FLAT + j]);
         point[2 * GBT_FLAT + j] = middle[2 * GBT_FLAT + j] + 2 * w * rate_error + w * w * result->error[j];
     }
-    result->off_plan = sqrt(square);
+    result->off_plan = gbt_sqrt(square);
     result->status = GBT_FOLLOWED;
     gbt_vehicle_inputs(point, 0, 0, result->thrust);
     for (int i = 0; i < GBT_INPUTS; i++) {
         const gbt_real limit = gbt_thrust_max[i];
         if (!isfinite(result->thrust[i])) return idle(GBT_FOLLOW_NOT_FINITE, result);
-        if (fabs(result->thrust[i]) <= limit) continue;
-        result->thrust[i] = copysign(limit, result->thrust[i]);
+        if (gbt_fabs(result->thrust[i]) <= limit) continue;
+        result->thrust[i] = gbt_copysign(limit, result->thrust[i]);
         result->status = GBT_FOLLOW_CLIPPED;
     }
     return result->status;

@@ -16,6 +16,8 @@
 
 #include "gbt_solver.h"
 
+GBT_BEGIN_C
+
 typedef enum {
     GBT_FOLLOWED = 0,
     GBT_FOLLOW_CLIPPED = 1,   /* more thrust was asked for than there is */
@@ -51,5 +53,7 @@ void gbt_follow_plan(gbt_follower *follower, const gbt_real *state, const gbt_re
    z, dz     measured flat output and its rate, GBT_FLAT each */
 gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt_real hold, const gbt_real *z,
                              const gbt_real *dz, gbt_follow_result *result);
+
+GBT_END_C
 
 #endif

@@ -4,6 +4,8 @@
 
 #include "gbt_solver.h"
 
+GBT_BEGIN_C
+
 /* The last mu: it bounds what the objective loses by the barrier. */
 gbt_real gbt_last_barrier(const gbt_settings *settings);
 
@@ -23,5 +25,7 @@ void gbt_weigh_limits(gbt_workspace *work, gbt_real limit_weight);
 gbt_real gbt_worst_side(const gbt_workspace *work, int hard_only);
 
 int gbt_all_finite(const gbt_real *x, int count);
+
+GBT_END_C
 
 #endif

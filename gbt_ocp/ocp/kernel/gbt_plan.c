@@ -1,9 +1,8 @@
 #include "gbt_plan.h"
 
-#include <math.h>
-
 #include "gbt_braking.h"
 #include "gbt_check.h"
+#include "gbt_math.h"
 #include "gbt_moments.h"
 #include "gbt_pieces.h"
 
@@ -29,7 +28,7 @@ static gbt_status refuse(gbt_plan_result *plan)
     static const gbt_plan_result nothing;
     *plan = nothing;
     plan->origin = GBT_NO_PLAN;
-    plan->violation = (gbt_real)HUGE_VAL;
+    plan->violation = GBT_INFINITY;
     return plan->status = GBT_NOT_FINITE;
 }
 

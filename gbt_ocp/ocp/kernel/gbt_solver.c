@@ -1,9 +1,8 @@
 /* One solve: from where it starts, and what is done where it fails. The method is in gbt_interior.c. */
 #include "gbt_solver.h"
 
-#include <tgmath.h>
-
 #include "gbt_interior.h"
+#include "gbt_math.h"
 #include "gbt_pieces.h"
 #include "gbt_slacks.h"
 
@@ -90,13 +89,13 @@ static void solve_tail(const gbt_settings *settings, const gbt_real *start, cons
 gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,
                      gbt_real tightening, int warm, gbt_real *u, gbt_workspace *work, gbt_result *result)
 {
-    gbt_real cheapest = HUGE_VAL;
+    gbt_real cheapest = GBT_INFINITY;
     gbt_status status;
 
     result->status = GBT_NOT_FINITE;
     result->iterations = result->starts = 0;
-    result->residual = result->violation = HUGE_VAL;
-    result->objective = -HUGE_VAL;
+    result->residual = result->violation = GBT_INFINITY;
+    result->objective = -GBT_INFINITY;
     if (!gbt_all_finite(start, GBT_STATE) || !gbt_all_finite(parameters, GBT_NUMBERS) ||
         !gbt_all_finite(u, GBT_PIECES * GBT_FREE) || !isfinite(tightening))
         return result->status;

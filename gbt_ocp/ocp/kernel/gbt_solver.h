@@ -9,6 +9,8 @@
 
 #include "gbt_problem.h"
 
+GBT_BEGIN_C
+
 #define GBT_ORDERS (GBT_DEGREE + 1)           /* derivatives 0 .. L of the flat output describe a piece */
 #define GBT_PIECE (GBT_ORDERS * GBT_FLAT)     /* numbers that describe a piece */
 #define GBT_STATE (GBT_JOINED * GBT_FLAT)     /* the continuous derivatives: what a piece inherits from the one before */
@@ -95,5 +97,7 @@ size_t gbt_workspace_bytes(void);
    u            GBT_PIECES x GBT_FREE: in, the guess; out, the solution; what is free in a piece over gbt_input_scale */
 gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,
                      gbt_real tightening, int warm, gbt_real *u, gbt_workspace *work, gbt_result *result);
+
+GBT_END_C
 
 #endif

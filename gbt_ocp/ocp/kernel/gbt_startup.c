@@ -1,6 +1,6 @@
 #include "gbt_startup.h"
 
-#include <tgmath.h>
+#include "gbt_math.h"
 
 #define D GBT_DIMENSION
 #define LOST ((gbt_real)1.6)      /* factor on the deviation at which a vehicle that planned already crosses again */
@@ -17,7 +17,7 @@ static gbt_real length(const gbt_real *x)
 {
     gbt_real square = 0;
     for (int k = 0; k < D; k++) square += x[k] * x[k];
-    return sqrt(square);
+    return gbt_sqrt(square);
 }
 
 /* x over its length, or the first axis where it is no longer than the least. */
@@ -36,7 +36,7 @@ void gbt_startup_init(gbt_startup *startup, const gbt_real *axis, gbt_real devia
         normalise(startup->axis, 0);
     }
     startup->deviation = deviation;
-    startup->across = sqrt(speed * speed - opening * opening);
+    startup->across = gbt_sqrt(speed * speed - opening * opening);
     startup->opening = opening;
     startup->leg = leg;
     startup->period = period;
@@ -72,7 +72,7 @@ static void reach(const gbt_startup *startup, const gbt_real *z, const gbt_real 
     }
     gbt_vehicle_inputs(point, 0, 0, thrust);
     for (int i = 0; i < GBT_INPUTS; i++)
-        if (fabs(thrust[i]) > gbt_thrust_max[i]) thrust[i] = copysign(gbt_thrust_max[i], thrust[i]);
+        if (gbt_fabs(thrust[i]) > gbt_thrust_max[i]) thrust[i] = gbt_copysign(gbt_thrust_max[i], thrust[i]);
 }
 
 gbt_startup_status gbt_startup_step(gbt_startup *startup, gbt_real time, const gbt_real *z, const gbt_real *dz,
@@ -90,7 +90,7 @@ gbt_startup_status gbt_startup_step(gbt_startup *startup, gbt_real time, const g
     normalise(sight, 0);
     for (int p = 0; p < D; p++)
         for (int q = 0; q < D; q++) variance += sight[p] * covariance[p * D + q] * sight[q];
-    const gbt_real spread = variance > 0 ? sqrt(variance) : 0;
+    const gbt_real spread = variance > 0 ? gbt_sqrt(variance) : 0;
     startup->known = spread < (known ? LOST : 1) * startup->deviation * distance;
     if (startup->known) {
         startup->crossing = 0;
@@ -100,7 +100,7 @@ gbt_startup_status gbt_startup_step(gbt_startup *startup, gbt_real time, const g
         startup->crossing = 1;
         startup->began = time;
     }
-    const int back = fmod(floor((time - startup->began) / startup->leg + (gbt_real)1e-9), (gbt_real)2) > 0;
+    const int back = gbt_fmod(gbt_floor((time - startup->began) / startup->leg + (gbt_real)1e-9), (gbt_real)2) > 0;
     turn_of(startup, sight, turn);
     for (int k = 0; k < D; k++)
         velocity[k] = (back ? 1 : -1) * startup->across * turn[k] - startup->opening * sight[k];

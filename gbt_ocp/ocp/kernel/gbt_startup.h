@@ -12,6 +12,8 @@
 
 #include "gbt_solver.h"
 
+GBT_BEGIN_C
+
 typedef enum {
     GBT_STARTUP_PLAN = 0,      /* the range is known */
     GBT_STARTUP_RESTART = 1,   /* the same, for the first time after crossing: an earlier plan is to be forgotten */
@@ -53,5 +55,7 @@ void gbt_startup_init(gbt_startup *startup, const gbt_real *axis, gbt_real devia
    thrust       GBT_INPUTS, within the limits; 0 unless the vehicle is to cross */
 gbt_startup_status gbt_startup_step(gbt_startup *startup, gbt_real time, const gbt_real *z, const gbt_real *dz,
                                     const gbt_real *mean, const gbt_real *covariance, gbt_real *thrust);
+
+GBT_END_C
 
 #endif
