@@ -15,6 +15,7 @@ from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.sizes import not_negative, positive, vector
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import Planner
@@ -124,7 +125,7 @@ class CrossFirst:
     Raises
     ------
     ValueError
-        If the opening is not below the speed.
+        If deviation, speed or leg are not above 0, ``opening`` is below 0 or not below the speed, or the axis is zero.
     """
 
     def __init__(
@@ -139,11 +140,15 @@ class CrossFirst:
         opening: float,
         leg: float,
     ) -> None:
-        if not opening < speed:
+        positive("deviation", deviation)
+        positive("speed", speed)
+        positive("leg", leg)
+        if not not_negative("opening", opening) < speed:
             raise ValueError(f"guidance.startup_opening: found {opening}; allowed: a number < startup_speed = {speed}")
         self.planned = planned
         self._dynamics = InverseDynamics(vehicle, period)
-        unit = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+        unit = vector("axis", axis, 3)
+        unit /= positive("length of axis", float(np.linalg.norm(unit)))
         self._crossing = Crossing(unit, deviation, float(np.sqrt(speed**2 - opening**2)), opening, leg)
 
     @property

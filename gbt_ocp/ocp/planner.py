@@ -17,7 +17,7 @@ from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.solvers.base import ChecksLimits, Solution, Solver
 from gbt_ocp.ocp.solvers.choice import make_solver
-from gbt_ocp.ocp.terms import Constraint, MovingConstraint
+from gbt_ocp.ocp.terms import Constraint, is_believed
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import constraint_function, first_free_node, input_scale, objective_total
 from gbt_ocp.typing import Array
@@ -38,7 +38,7 @@ class _Attempt(NamedTuple):
 
 def _of_thrust(problem: ProblemData, constraint: Constraint) -> bool:
     """Whether the plan's own unknown moves the constraint from the first moment on, and no belief enters it."""
-    return first_free_node(problem, constraint) == 0 and not isinstance(constraint, MovingConstraint)
+    return first_free_node(problem, constraint) == 0 and not is_believed(constraint)
 
 
 class Planner:
@@ -207,7 +207,7 @@ class Planner:
         """How far limits are broken where the plan begins, those on what is only believed or the others; at least 0."""
         worst, still = 0.0, np.zeros(start.shape[1])
         for number, constraint, function in self._given:
-            if isinstance(constraint, MovingConstraint) == believed:
+            if is_believed(constraint) == believed:
                 moving = [limits[number][:, 0]] if limits and len(limits[number]) else []
                 value = np.asarray(function(start[0], start[1], still, *moving)).ravel()
                 over = np.maximum(value - constraint.upper, constraint.lower - value) / constraint.scale

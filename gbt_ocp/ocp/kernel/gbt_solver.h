@@ -81,7 +81,7 @@ typedef struct {
     gbt_real tightening, f, f_trial;
 } gbt_workspace;
 
-/* Settings that suit the shipped problems. */
+/* GBT_DEFAULT_SETTINGS: the options with which the planner was generated. */
 void gbt_default_settings(gbt_settings *settings);
 
 /* Size of the workspace in bytes, for callers that do not see the struct. */
