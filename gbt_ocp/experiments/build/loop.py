@@ -10,6 +10,7 @@ import numpy as np
 from gbt_ocp.experiments.build.desired import build_desired_bearing
 from gbt_ocp.experiments.build.limits import with_limits
 from gbt_ocp.experiments.build.objective import build_joint, build_objective, build_past
+from gbt_ocp.experiments.build.plant import build_plant
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.guidance import (
     CircumnavigationGuidance,
@@ -42,6 +43,7 @@ from gbt_ocp.models.targets import TrackTarget as RecordedTarget
 from gbt_ocp.models.turning import TurningTarget as RandomTurns
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp import Planner, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.follower import BANDWIDTH
 from gbt_ocp.ocp.problem_data import joined_derivatives
 from gbt_ocp.simulation.loop import ClosedLoop
 from gbt_ocp.tracking.protocol import PositionTracker, Tracker
@@ -56,11 +58,12 @@ class Streams:
     sensor: np.random.Generator
     guidance: np.random.Generator
     target: np.random.Generator
+    plant: np.random.Generator
 
     @classmethod
     def of(cls, seed: int) -> Streams:
         """The streams of a seed."""
-        return cls(*(np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(4)))
+        return cls(*(np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(5)))
 
 
 def build_target(configuration: Configuration, rng: np.random.Generator | None = None) -> Target:
@@ -288,5 +291,7 @@ def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
         follow=configuration.vehicle.follow,
         bound_delta=getattr(configuration.tracker, "bound_delta", math.nan),
         rng=streams.sensor,
+        plant=build_plant(configuration, vehicle, streams.plant),
+        follow_bandwidth=configuration.vehicle.follow_bandwidth or BANDWIDTH,
     )
     return loop, start

@@ -10,11 +10,14 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from pydantic import ValidationError
+
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.faults import NOTHING, Fault, shown, value_at
 from gbt_ocp.experiments.config.keys import Section
 from gbt_ocp.experiments.config.noise import NoisyBearings
 from gbt_ocp.experiments.config.planner import Planner
+from gbt_ocp.experiments.config.plant import Plant
 from gbt_ocp.experiments.config.schema import Configuration, kinds
 from gbt_ocp.experiments.config.sensor import Sensor
 from gbt_ocp.experiments.config.tracker import ShapeTracker, TrackerSection
@@ -40,6 +43,7 @@ def inconsistencies(merged: Mapping[str, Any], problem: TrackingProblem | None) 
     yield from _one_of(merged, ("desired_bearing",), "m", "period_s")
     if isinstance(value_at(merged, ("tracker", "prior")), Mapping):
         yield from _one_of(merged, ("tracker", "prior"), "std", "covariance")
+    yield from _plant(merged)
     if problem is not None:
         yield from _dimension(merged, problem)
         yield from _factories(merged, problem)
@@ -127,6 +131,30 @@ def _bins(merged: Mapping[str, Any], path: tuple[str, ...], section: type[Sectio
         yield Fault((*path, "window_s"), shown(window), f"at least {least} bins, {least * width:.6g} s")
     elif too_many(window, width, MOST_BINS):
         yield Fault((*path, "window_s"), shown(window), f"at most {MOST_BINS} bins, {MOST_BINS * width:.6g} s")
+
+
+def _plant(merged: Mapping[str, Any]) -> Iterator[Fault]:
+    """A vehicle that differs from its model, beside ways to move that leave no room for it."""
+    vehicle, follow = value_at(merged, ("vehicle", "kind")), value_at(merged, ("vehicle", "follow"))
+    bandwidth = value_at(merged, ("vehicle", "follow_bandwidth"))
+    if bandwidth not in (NOTHING, None) and follow != "feedback":
+        yield Fault(("vehicle", "follow_bandwidth"), shown(bandwidth), "null without vehicle.follow = feedback")
+    try:
+        plant = Plant.model_validate(merged.get("plant", {}))
+    except ValidationError:  # said where single keys are checked
+        return
+    if plant.is_model:
+        return
+    if follow in (NOTHING, "exact"):
+        allowed = "dynamics or feedback beside a plant that differs from its model"
+        yield Fault(("vehicle", "follow"), "exact", allowed)
+    if value_at(merged, ("guidance", "kind")) == "fim_placement":
+        yield Fault(
+            ("plant",), shown(merged["plant"]), "nothing beside guidance.kind = fim_placement, which moves no plant"
+        )
+    if vehicle == "problem" and plant.has_forces:
+        allowed = "thrust, lag_s and dead_time_s alone beside vehicle.kind = problem"
+        yield Fault(("plant",), shown(merged["plant"]), allowed)
 
 
 def _limits(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Iterator[Fault]:

@@ -108,6 +108,7 @@ def generate_problem(problem: ProblemData, options: CompiledOptions | None = Non
             c_source(functions),
             c_array("gbt_real", "gbt_input_scale", input_scale(problem), const="const"),
             c_array("gbt_real", "gbt_acceleration_scale", problem.vehicle.acceleration_scale, const="const"),
+            c_array("gbt_real", "gbt_thrust_max", problem.vehicle.thrust_max, const="const"),
             objective_text,
             *(limit.tables for limit in limits),
             f"const gbt_limit gbt_limits[] = {{\n{table}\n}};\n",
@@ -327,6 +328,7 @@ extern const gbt_real gbt_input_scale[]; /* natural sizes of what is free in a p
 extern const gbt_objective_functions gbt_objective;
 extern const gbt_limit gbt_limits[];
 extern const gbt_real gbt_acceleration_scale[GBT_FLAT]; /* typical acceleration under full thrust */
+extern const gbt_real gbt_thrust_max[GBT_INPUTS];
 
 void gbt_vehicle_inputs(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *inputs);
 /* The acceleration without thrust, from z and its rate. */
