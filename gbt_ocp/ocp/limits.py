@@ -37,6 +37,8 @@ class ThrustLimit:
         If γ lies outside (0, 1] or the units are unknown.
     """
 
+    name: ClassVar[str] = "thrust"
+
     vehicle: Vehicle
     gamma: float = 1.0
     units: Literal["normalised", "newton"] = "normalised"
@@ -86,6 +88,8 @@ class KeepOut:
         In metres; violations are reported in units of it.
     """
 
+    name: ClassVar[str] = "keep_out"
+
     centre: tuple[float, ...]
     radius: float
 
@@ -119,6 +123,8 @@ class KeepOutPolygon:
     ValueError
         If there are fewer than three corners or the polygon is not strictly convex.
     """
+
+    name: ClassVar[str] = "keep_out"
 
     corners: tuple[tuple[float, float], ...]
     softness: float = 0.1
@@ -181,6 +187,8 @@ class DepthLimits:
         If there is no water between them.
     """
 
+    name: ClassVar[str] = "depth"
+
     lowest: float
     highest: float
 
@@ -218,6 +226,8 @@ class SpeedLimit:
         In m/s; violations are reported in units of it.
     """
 
+    name: ClassVar[str] = "speed"
+
     dimension: int
     speed: float
 
@@ -243,6 +253,8 @@ class YawRateLimit:
     rate
         In rad/s; violations are reported in units of it.
     """
+
+    name: ClassVar[str] = "yaw_rate"
 
     dimension: int
     rate: float

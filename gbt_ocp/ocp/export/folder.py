@@ -20,7 +20,7 @@ from gbt_ocp.files import packaged_text
 from gbt_ocp.ocp.codegen.library import find_compiler, kernel_files
 from gbt_ocp.ocp.codegen.problem_source import from_moments, generate_problem
 from gbt_ocp.ocp.export.vectors import record
-from gbt_ocp.ocp.planner import TIGHTENINGS, Planner
+from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.solvers.compiled import CompiledOptions, CompiledSolver
 
 
@@ -67,7 +67,7 @@ def write_c(planner: Planner, folder: str | Path, steps: Sequence[Mapping[str, A
     problem, options = planner.problem, planner.solver.options
     settings = CompiledOptions.checked(options, problem.pieces)
     generated = generate_problem(problem).files
-    vectors = record(problem, options, steps)
+    vectors = record(planner, steps)
     sources = {f"src/{name}": text for name, text in (kernel_files() | generated).items()}
     sources["src/gbt_solver.c"] = _with_settings(sources["src/gbt_solver.c"], options)
     texts = sources | {"vectors.h": vectors.header} | {name: _template(name) for name in _VERBATIM}
@@ -163,7 +163,6 @@ def _readme(manifest: Mapping[str, Any]) -> str:
         return "not measured" if sizes[name] is None else f"{sizes[name]} bytes"
 
     return _template("README.md").format(
-        attempts=2 * (TIGHTENINGS + 1),
         deadline=manifest["options"]["deadline"],
         flat=problem["flat_outputs"],
         inputs=problem["inputs"],

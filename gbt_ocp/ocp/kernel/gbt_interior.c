@@ -27,24 +27,31 @@ int gbt_all_finite(const gbt_real *x, int count)
     return 1;
 }
 
-void gbt_weigh_limits(gbt_workspace *work, gbt_real limit_weight)
+void gbt_weigh_limits(gbt_workspace *work, gbt_real thrust, gbt_real others)
 {
     gbt_real *c = work->c, *width = work->width;
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
+        const gbt_real hard = limit->kind == GBT_THRUST ? thrust : others;
         for (int k = limit->first; k <= limit->intervals; k++) {
             /* the trapezoidal rule of the penalty */
             const gbt_real node = k == 0 || k == limit->intervals ? (gbt_real)0.5 : 1;
             for (int i = 0; i < work->pieces; i++)
                 for (int r = 0; r < limit->sides; r++) {
-                    *c++ = limit->hard ? limit_weight : node * limit->weight[r];
-                    *width++ = limit->hard ? 0 : limit->width[r];
+                    *c++ = (limit->hard ? hard : node) * limit->weight[r];
+                    *width++ = limit->width[r];
                 }
         }
     }
 }
 
-gbt_real gbt_worst_side(const gbt_workspace *work, int hard_only)
+static int belongs(const gbt_limit *limit, gbt_which which)
+{
+    if (which == GBT_ALL) return 1;
+    return limit->hard && (limit->kind == GBT_THRUST) == (which == GBT_HARD_THRUST);
+}
+
+gbt_real gbt_worst_side(const gbt_workspace *work, gbt_which which)
 {
     const gbt_real *y = work->y;
     gbt_real worst = -HUGE_VAL;
@@ -52,10 +59,25 @@ gbt_real gbt_worst_side(const gbt_workspace *work, int hard_only)
         const gbt_limit *limit = &gbt_limits[q];
         const int count = (limit->intervals - limit->first + 1) * work->pieces * limit->sides;
         for (int k = 0; k < count; k++)
-            if ((limit->hard || !hard_only) && y[k] > worst) worst = y[k];
+            if (belongs(limit, which) && y[k] > worst) worst = y[k];
         y += count;
     }
     return worst;
+}
+
+/* What the hard limits besides thrust are broken by, summed over the nodes, each times what its class weighs. */
+static gbt_real weighed_violation(const gbt_workspace *work)
+{
+    const gbt_real *y = work->y;
+    gbt_real sum = 0;
+    for (int q = 0; q < GBT_LIMITS; q++) {
+        const gbt_limit *limit = &gbt_limits[q];
+        const int count = (limit->intervals - limit->first + 1) * work->pieces * limit->sides;
+        for (int k = 0; k < count; k++)
+            if (belongs(limit, GBT_HARD_OTHERS) && y[k] > 0) sum += limit->weight[k % limit->sides] * y[k];
+        y += count;
+    }
+    return sum;
 }
 
 /* work->pull: the gradient of f plus the Jacobians transposed times these multipliers, piece by piece. */
@@ -198,21 +220,48 @@ gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int i
     }
 }
 
+static void copy_pieces(gbt_real from[][GBT_ORDERS][GBT_FLAT], gbt_real to[][GBT_ORDERS][GBT_FLAT], int pieces)
+{
+    for (int i = 0; i < pieces; i++)
+        for (int l = 0; l < GBT_ORDERS; l++)
+            for (int j = 0; j < GBT_FLAT; j++) to[i][l][j] = from[i][l][j];
+}
+
 /* Violated hard limits are made dearer until they are kept or nothing more is gained: the l1 penalty is exact only
-   while its weight exceeds the multipliers. */
+   while its weight exceeds the multipliers. Those on thrust first, since they are never given up for others; then all
+   together, which leaves the order of the classes. What was found before counts if a dearer weight finds nothing. */
 gbt_status gbt_minimise_within_limits(const gbt_settings *settings, gbt_real mu, int deadline, gbt_workspace *work,
                                       gbt_result *result)
 {
-    gbt_real before = HUGE_VAL;
-    for (gbt_real weight = settings->limit_weight;; weight *= ESCALATION) {
+    gbt_real thrust = settings->limit_weight, others = thrust, before_thrust = HUGE_VAL, before_others = HUGE_VAL;
+    int kept = 0;
+    for (;;) {
         const int left = deadline - result->iterations;
-        gbt_weigh_limits(work, weight);
+        gbt_weigh_limits(work, thrust, others);
         const gbt_status status =
             gbt_minimise(settings->tolerance, mu, gbt_last_barrier(settings),
                          left < settings->iterations ? left : settings->iterations, work, result);
-        const gbt_real violation = gbt_worst_side(work, 1);
-        if (status != GBT_SOLVED || violation <= settings->feasibility) return status;
-        if (weight >= HEAVIEST || violation > (gbt_real)0.99 * before) return GBT_LIMIT_VIOLATED;
-        before = violation;
+        const gbt_real violation = gbt_worst_side(work, GBT_HARD_THRUST);
+        if (status != GBT_SOLVED || violation > settings->feasibility) {
+            if (kept && (status != GBT_SOLVED || thrust >= HEAVIEST)) break;
+            if (status != GBT_SOLVED) return status;
+            if (thrust >= HEAVIEST || violation > (gbt_real)0.99 * before_thrust)
+                return GBT_LIMIT_VIOLATED;
+            before_thrust = violation;
+            thrust *= ESCALATION;
+            continue;
+        }
+        if (gbt_worst_side(work, GBT_HARD_OTHERS) <= settings->feasibility) return GBT_SOLVED;
+        const gbt_real sum = weighed_violation(work);
+        if (others >= HEAVIEST || sum > (gbt_real)0.99 * before_others) return GBT_GIVEN_UP;
+        copy_pieces(work->piece, work->kept, work->pieces);
+        kept = 1;
+        before_others = sum;
+        before_thrust = HUGE_VAL;
+        thrust *= ESCALATION;
+        others *= ESCALATION;
     }
+    copy_pieces(work->kept, work->piece, work->pieces);
+    work->f = gbt_evaluate(work, work->piece, work->y);
+    return GBT_GIVEN_UP;
 }
