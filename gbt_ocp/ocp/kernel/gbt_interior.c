@@ -19,6 +19,7 @@
 #define DELTA_LAST ((gbt_real)1e12)
 #define ESCALATION ((gbt_real)100)      /* of the weight of hard limits that a solution violates */
 #define HEAVIEST ((gbt_real)1e7)
+#define DEARER 20                       /* iterations in which a dearer weight has to do better than what there is */
 
 int gbt_all_finite(const gbt_real *x, int count)
 {
@@ -236,11 +237,11 @@ gbt_status gbt_minimise_within_limits(const gbt_settings *settings, gbt_real mu,
     gbt_real thrust = settings->limit_weight, others = thrust, before_thrust = HUGE_VAL, before_others = HUGE_VAL;
     int kept = 0;
     for (;;) {
-        const int left = deadline - result->iterations;
+        const int most = kept ? DEARER : settings->iterations, left = deadline - result->iterations;
         gbt_weigh_limits(work, thrust, others);
         const gbt_status status =
             gbt_minimise(settings->tolerance, mu, gbt_last_barrier(settings),
-                         left < settings->iterations ? left : settings->iterations, work, result);
+                         left < most ? left : most, work, result);
         const gbt_real violation = gbt_worst_side(work, GBT_HARD_THRUST);
         if (status != GBT_SOLVED || violation > settings->feasibility) {
             if (kept && (status != GBT_SOLVED || thrust >= HEAVIEST)) break;
