@@ -29,7 +29,7 @@ from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
 from gbt_ocp.models.bearings import DesiredBearing
-from gbt_ocp.models.vehicles import FossenVehicle
+from gbt_ocp.models.fossen import FossenVehicle
 from gbt_ocp.ocp import Objective
 
 PERIOD = 0.1

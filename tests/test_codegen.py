@@ -15,7 +15,8 @@ import pytest
 from gbt_ocp.cli import main as cli
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
 from gbt_ocp.guidance.target_limits import FieldOfView, RangeLimits
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.models.vehicles import PlanarPointMass
 from gbt_ocp.ocp import KeepOut, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.codegen.library import build_library, find_compiler, kernel_files

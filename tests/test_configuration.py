@@ -8,8 +8,9 @@ import pytest
 import yaml
 
 from gbt_ocp.experiments.config.faults import ConfigurationError
+from gbt_ocp.experiments.config.json_schema import json_schema
 from gbt_ocp.experiments.config.loading import load_config
-from gbt_ocp.experiments.config.schema import Configuration, schema
+from gbt_ocp.experiments.config.schema import Configuration
 
 PARAMETERS = {
     "mass": 116.0,
@@ -128,7 +129,7 @@ FAULTS = [
     ("desired_bearing.axis", {"problem": "case5", "desired_bearing": {"axis": [0, 0, 0]}}, "not all zero"),
     ("vehicle.kind", {"vehicle": {"kind": "boat"}}, "fossen, problem"),
     ("vehicle.kind", {"vehicle": {"kind": "problem"}}, "fossen (problem case2 makes no vehicle)"),
-    ("vehicle.parameters", {"vehicle": {"parameters": "remus"}}, "falcon, or a mapping with mass"),
+    ("vehicle.parameters", {"vehicle": {"parameters": "remus"}}, "falcon, or a mapping with the keys mass"),
     ("vehicle.parameters.mass", {"vehicle": {"parameters": {**PARAMETERS, "mass": 0}}}, "a number > 0"),
     (
         "vehicle.parameters.added_mass",
@@ -563,7 +564,7 @@ def leaves(node: dict, tree: dict, path: str = ""):
 
 
 def test_schema_describes_every_key_and_allows_no_other():
-    tree = schema()
+    tree = json_schema()
     text = json.dumps(tree)
     assert '"required"' not in text
     assert '"oneOf"' not in text

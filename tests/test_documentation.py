@@ -7,13 +7,13 @@ import shlex
 import sys
 import types
 from pathlib import Path
-from typing import get_args
 
 import pytest
 import yaml
 
 from gbt_ocp.cli import arguments as command_line
-from gbt_ocp.experiments.config.keys import Section
+from gbt_ocp.experiments.config.allowed import allowed, is_section, with_sizes
+from gbt_ocp.experiments.config.keys import sections_in
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.config.schema import Configuration
 
@@ -178,29 +178,17 @@ def test_every_misprint_has_its_row_and_its_test():
 # The configuration
 
 
-def sections(annotation):
-    if isinstance(annotation, type) and issubclass(annotation, Section):
-        return [annotation]
-    return [section for argument in get_args(annotation) for section in sections(argument)]
-
-
-def literals(annotation):
-    return [str(argument) for argument in get_args(annotation) if isinstance(argument, str)]
-
-
 def keys(model=Configuration, prefix=""):
     """Key path, default, what is allowed and meaning of every key; a key of several kinds of a section comes once."""
     found = {}
     for name, field in model.model_fields.items():
         path = f"{prefix}{name}"
-        extra = field.json_schema_extra or {}
-        inner = sections(field.annotation)
-        if not inner or "allowed" in extra:
-            allowed = extra.get("allowed", ", ".join(literals(field.annotation)))
+        inner = sections_in(field.annotation)
+        if not is_section(field):
             known = field.default_factory is None and not field.is_required()
             default = yaml.safe_dump(field.default, default_flow_style=True) if known else ""
             default = default.replace("\n...", "").strip().replace("!!python/tuple ", "")
-            found[path] = [default, allowed.replace("{d}", "d").replace("{n}", "d + 1"), field.description]
+            found[path] = [default, with_sizes(allowed(field), {}), field.description]
         for section in inner:
             for key, row in keys(section, f"{path}.").items():
                 if key in found and key.endswith(".kind"):

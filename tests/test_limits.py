@@ -7,7 +7,7 @@ from scipy.stats import norm
 
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
 from gbt_ocp.guidance.target_limits import FieldOfView, RangeLimits
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.ocp import (
     DepthLimits,
     FlatPoint,

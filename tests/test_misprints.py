@@ -16,8 +16,8 @@ from gbt_ocp.experiments.build.loop import build_vehicle
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.guidance.objectives import BearingSimilarity, sigma_points, sigma_weights
 from gbt_ocp.models.bearings import DesiredBearing, condition_number, cumulative_bearing_matrix, unit_bearing
+from gbt_ocp.models.fossen import FALCON_2D, FossenVehicle, rotation
 from gbt_ocp.models.targets import case_target
-from gbt_ocp.models.vehicles import FALCON_2D, FossenVehicle, rotation
 from gbt_ocp.ocp import FlatTrajectory, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.problem_data import PenaltyLimit

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.models.vehicles import PlanarPointMass
 from gbt_ocp.ocp import FlatTrajectory, KeepOut, Planner, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.braking import BrakingPlanner
 from gbt_ocp.ocp.check import LimitCheck

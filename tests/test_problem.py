@@ -7,7 +7,8 @@ from scipy.integrate import trapezoid
 from scipy.optimize import check_grad
 
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull, sigma_points, sigma_weights
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass, Unicycle
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.models.vehicles import PlanarPointMass, Unicycle
 from gbt_ocp.ocp import FlatPoint, FlatTrajectory, KeepOut, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.check import LimitCheck

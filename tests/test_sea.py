@@ -15,8 +15,9 @@ from gbt_ocp.guidance.pacing import circling_speed, horizontal_radius, turn_peri
 from gbt_ocp.guidance.startup import CrossFirst
 from gbt_ocp.guidance.target_limits import RangeLimits
 from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.models.targets import TurningTarget
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
+from gbt_ocp.models.vehicles import PlanarPointMass
 from gbt_ocp.ocp.solvers.base import options_for
 from gbt_ocp.simulation.loop import simulate
 from gbt_ocp.tracking.protocol import Forecast

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import odeint, solve_ivp
 
 import gbt_ocp as gbt
-from gbt_ocp.models.vehicles import DRAG_SMOOTHING, FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.models.fossen import DRAG_SMOOTHING, FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.ocp import FlatTrajectory
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.simulation.loop import step_count

@@ -4,16 +4,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from gbt_ocp.models.vehicles import (
-    DRAG_SMOOTHING,
-    FALCON_2D,
-    FALCON_3D,
-    FossenParameters,
-    FossenVehicle,
-    PlanarPointMass,
-    Unicycle,
-    rotation,
-)
+from gbt_ocp.models.fossen import DRAG_SMOOTHING, FALCON_2D, FALCON_3D, FossenParameters, FossenVehicle, rotation
+from gbt_ocp.models.vehicles import PlanarPointMass, Unicycle
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 
 PLANAR = FossenVehicle(FALCON_2D, (5000.0, 5000.0, 1500.0))

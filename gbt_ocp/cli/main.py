@@ -28,8 +28,10 @@ from gbt_ocp.cli.arguments import WRONG_INPUT, completion, parser
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.guidance import GUIDANCE_LAWS
+from gbt_ocp.experiments.config.json_schema import json_schema
 from gbt_ocp.experiments.config.loading import load_config
-from gbt_ocp.experiments.config.schema import SOLVERS, Configuration, schema
+from gbt_ocp.experiments.config.planner import SOLVERS
+from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.config.tracker import TRACKERS
 from gbt_ocp.simulation import run_folder
 
@@ -434,7 +436,7 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 
 def _schema(arguments: argparse.Namespace) -> int:
-    print(json.dumps(schema(), indent=2, ensure_ascii=False))
+    print(json.dumps(json_schema(), indent=2, ensure_ascii=False))
     return DONE
 
 

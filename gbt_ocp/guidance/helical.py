@@ -6,7 +6,8 @@ import numpy as np
 
 from gbt_ocp.guidance.inverse_dynamics import InverseDynamics
 from gbt_ocp.guidance.line_of_sight import LineOfSight
-from gbt_ocp.models.vehicles import Vehicle, rotation
+from gbt_ocp.models.fossen import rotation
+from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, ProblemData
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import between_knots, constraint_function, first_free_node, limit_size
 from gbt_ocp.typing import Array
@@ -32,7 +32,8 @@ class LimitCheck:
         self.points = points
         self._constraints = problem.constraints
         self._judged = [number for number, counts in enumerate(problem.judged) if counts]
-        self._nodes = [limit.nodes for limit in (*problem.hard, *problem.penalties)]
+        imposed: list[HardLimit | PenaltyLimit] = [*problem.hard, *problem.penalties]
+        self._nodes = [limit.nodes for limit in imposed]
         self._given = [first_free_node(problem, c) == 1 for c in self._constraints]
         self._functions = [constraint_function(problem, c) for c in self._constraints]
         self._mapped: dict[tuple[int, int], ca.Function] = {}

@@ -145,9 +145,7 @@ class Ladder:
             first = FlatTrajectory(self._problem.period, given.start, trajectory.top[:1])
             excess = self._excess(given, self._check.survey(first, given.limits)[:, 0])
             nodes = self._check.survey(first, given.limits, nodes=True)[:, 0]
-            again = (excess > 0.0) & (
-                self._thrust | (~(self._hard & (nodes > FEASIBILITY)) & (excess <= 0.5 * before))
-            )
+            again = (excess > 0.0) & (self._thrust | (~(self._hard & (nodes > FEASIBILITY)) & (excess <= 0.5 * before)))
             if np.any(excess[self._thrust] > 0.0):
                 status = "limits broken between nodes"
             else:

@@ -33,21 +33,30 @@ def point_symbols(size: int) -> FlatPoint:
     return FlatPoint(*(ca.SX.sym(name, size) for name in ("z", "dz", "ddz")))
 
 
+def stacked_size(shapes: Mapping[str, tuple[int, int]]) -> int:
+    """How many numbers parameters of these shapes are at one time."""
+    return sum(height * width for height, width in shapes.values())
+
+
+def unstacked(shapes: Mapping[str, tuple[int, int]], stacked: Any) -> dict[str, Any]:
+    """Parameters by name, as CasADi expressions, out of what :func:`stack_parameters` stacked at one time."""
+    found, offset = {}, 0
+    for name, (height, width) in shapes.items():
+        found[name] = ca.reshape(stacked[offset : offset + height * width], height, width)
+        offset += height * width
+    return found
+
+
 def limit_size(constraint: Constraint) -> int:
     """How many parameters a constraint has at one time."""
-    shapes = constraint.shapes if isinstance(constraint, MovingConstraint) else {}
-    return sum(rows * columns for rows, columns in shapes.values())
+    return stacked_size(constraint.shapes) if isinstance(constraint, MovingConstraint) else 0
 
 
 def constraint_value(constraint: Constraint, point: FlatPoint, stacked: Any) -> Any:
     """The bounded quantities ``(m,)`` as a CasADi expression, parameters (if any) stacked column by column."""
     if not isinstance(constraint, MovingConstraint):
         return constraint.value(point)
-    parameters, offset = {}, 0
-    for name, (rows, columns) in constraint.shapes.items():
-        parameters[name] = ca.reshape(stacked[offset : offset + rows * columns], rows, columns)
-        offset += rows * columns
-    return constraint.value(point, parameters)
+    return constraint.value(point, unstacked(constraint.shapes, stacked))
 
 
 def constraint_function(problem: ProblemData, constraint: Constraint) -> ca.Function:
@@ -72,20 +81,9 @@ def between_knots(knots: Any, shares: Array) -> list[Any]:
 def objective_function(problem: ProblemData, objective: Objective) -> ca.Function:
     """(z, ż, z̈, parameters) -> the term at one endpoint; the parameters are stacked column by column."""
     point = point_symbols(problem.vehicle.flat_dimension)
-    parameters = {name: ca.SX.sym(name, *shape) for name, shape in objective.shapes.items()}
-    stacked = ca.vertcat(*(ca.vec(symbol) for symbol in parameters.values()))
-    return ca.Function(
-        "objective", [*point, stacked], [objective.value(point, parameters)], ["z", "dz", "ddz", "p"], ["value"]
-    )
-
-
-def unstacked(shapes: Mapping[str, tuple[int, int]], stacked: Any) -> dict[str, Any]:
-    """Parameters by name out of what :func:`stack_parameters` stacked at one time, as CasADi expressions."""
-    found, offset = {}, 0
-    for name, (height, width) in shapes.items():
-        found[name] = ca.reshape(stacked[offset : offset + height * width], height, width)
-        offset += height * width
-    return found
+    stacked = ca.SX.sym("p", stacked_size(objective.shapes))
+    value = objective.value(point, unstacked(objective.shapes, stacked))
+    return ca.Function("objective", [*point, stacked], [value], ["z", "dz", "ddz", "p"], ["value"])
 
 
 def objective_total(problem: ProblemData, objective: Objective | JointObjective) -> ca.Function:
@@ -95,7 +93,7 @@ def objective_total(problem: ProblemData, objective: Objective | JointObjective)
         columns = [ca.MX.sym(single.name_in(k), *single.size_in(k)) for k in range(4)]
         return ca.Function("objective", columns, [ca.sum2(single(*columns))])
     n, p = problem.vehicle.flat_dimension, problem.pieces
-    size = sum(height * width for height, width in objective.shapes.values())
+    size = stacked_size(objective.shapes)
     ends = [ca.SX.sym(name, n, p) for name in ("z", "dz", "ddz")]
     stacked = ca.SX.sym("p", size, p)
     points, parameters = [], []

@@ -33,12 +33,13 @@ from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.guidance.startup import CrossFirst
 from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenParameters
+from gbt_ocp.models.fossen import FossenVehicle as Fossen
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target, case_target
 from gbt_ocp.models.targets import TrackTarget as RecordedTarget
 from gbt_ocp.models.targets import TurningTarget as RandomTurns
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenParameters, Vehicle
-from gbt_ocp.models.vehicles import FossenVehicle as Fossen
+from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp import Planner, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.problem_data import joined_derivatives
 from gbt_ocp.simulation.loop import ClosedLoop
@@ -147,7 +148,7 @@ def build_problem(configuration: Configuration, vehicle: Vehicle) -> TrajectoryP
         problem = problem.subject_to(limit, nodes=section.nodes)
     else:
         problem = problem.subject_to_penalty(limit, weight=section.weight, width=section.width, nodes=section.nodes)
-    problem = with_limits(problem, configuration)
+    problem = with_limits(problem, configuration.limits)
     more = configuration.problem_object.constrain
     if more is None:
         return problem

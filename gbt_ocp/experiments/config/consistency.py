@@ -14,10 +14,11 @@ from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.faults import NOTHING, Fault, shown, value_at
 from gbt_ocp.experiments.config.keys import Section
 from gbt_ocp.experiments.config.noise import NoisyBearings
-from gbt_ocp.experiments.config.schema import Configuration, Planner, Sensor
+from gbt_ocp.experiments.config.planner import Planner
+from gbt_ocp.experiments.config.schema import Configuration, kinds
+from gbt_ocp.experiments.config.sensor import Sensor
 from gbt_ocp.experiments.config.tracker import ShapeTracker, TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
-from gbt_ocp.experiments.config.validation import kinds, union_of
 from gbt_ocp.models.targets import TrackTarget
 
 _BINS = ("bin_s", "window_s")
@@ -159,12 +160,12 @@ def _limits(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Itera
 def _dimension(merged: Mapping[str, Any], problem: TrackingProblem) -> Iterator[Fault]:
     kind = value_at(merged, ("target", "kind"))
     if kind in _CASES[5 - problem.dimension]:
-        others = [name for name in kinds(union_of("target")) if not name.startswith("case")]
+        others = [name for name in kinds("target") if not name.startswith("case")]
         allowed = ", ".join([*_CASES[problem.dimension], *others])
         yield Fault(("target", "kind"), shown(kind), f"{allowed} (the problem has {problem.dimension} dimensions)")
     law = value_at(merged, ("guidance", "kind"))
     if problem.dimension == 2 and law == "helical":
-        planar = ", ".join(name for name in kinds(union_of("guidance")) if name != "helical")
+        planar = ", ".join(name for name in kinds("guidance") if name != "helical")
         yield Fault(("guidance", "kind"), shown(law), f"{planar} (a helix needs 3 dimensions)")
     axis = value_at(merged, ("desired_bearing", "axis"))
     if problem.dimension == 2 and axis is not NOTHING and axis is not None:
@@ -176,7 +177,7 @@ def _dimension(merged: Mapping[str, Any], problem: TrackingProblem) -> Iterator[
 def _factories(merged: Mapping[str, Any], problem: TrackingProblem) -> Iterator[Fault]:
     for section, factory in (("target", callable(problem.target)), ("vehicle", problem.vehicle is not None)):
         if value_at(merged, (section, "kind")) == "problem" and not factory:
-            others = ", ".join(kind for kind in kinds(union_of(section)) if kind != "problem")
+            others = ", ".join(kind for kind in kinds(section) if kind != "problem")
             yield Fault((section, "kind"), '"problem"', f"{others} (problem {problem.name} makes no {section})")
 
 

@@ -25,6 +25,8 @@ from gbt_ocp.ocp.transcription import (
     limit_class,
     limit_names,
     limit_size,
+    stacked_size,
+    unstacked,
 )
 
 
@@ -64,7 +66,7 @@ def generate_problem(problem: ProblemData) -> GeneratedProblem:
         If an expression cannot be written as C.
     """
     size = problem.vehicle.flat_dimension
-    parameters = sum(rows * columns for term in problem.objectives for rows, columns in term.shapes.values())
+    parameters = sum(stacked_size(term.shapes) for term in problem.objectives)
     objective_functions, objective_text, hessian_entries = _objective(problem, parameters)
     imposed: list[HardLimit | PenaltyLimit] = [*problem.hard, *problem.penalties]
     sizes = [limit_size(limit.constraint) for limit in imposed]
@@ -98,7 +100,7 @@ def generate_problem(problem: ProblemData) -> GeneratedProblem:
     table = ",\n".join(limit.definition for limit in limits) or "    {0}"
     source = "\n".join(
         [
-            '#include "gbt_problem.h"\n\n#include <tgmath.h>\n',
+            '#include "gbt_problem.h"\n\n#include "gbt_math.h"\n',
             c_source(functions),
             c_array("gbt_real", "gbt_input_scale", input_scale(problem), const="const"),
             c_array("gbt_real", "gbt_acceleration_scale", problem.vehicle.acceleration_scale, const="const"),
@@ -106,7 +108,9 @@ def generate_problem(problem: ProblemData) -> GeneratedProblem:
             objective_text,
             *(limit.tables for limit in limits),
             f"const gbt_limit gbt_limits[] = {{\n{table}\n}};\n",
-            "const char *const gbt_limit_names[] = {" + ", ".join([*map(json.dumps, limit_names(problem)), "0"]) + "};\n",
+            "const char *const gbt_limit_names[] = {"
+            + ", ".join([*map(json.dumps, limit_names(problem)), "0"])
+            + "};\n",
         ]
     )
     return GeneratedProblem(header, source)
@@ -181,11 +185,8 @@ def _objective(problem: ProblemData, parameters: int) -> tuple[list[ca.Function]
                 f"planner.solver: found compiled, which takes sums over the endpoints of a plan; allowed: ipopt, since "
                 f"the objective {type(term).__name__} couples them"
             )
-        symbols = {}
-        for name, (rows, columns) in term.shapes.items():
-            symbols[name] = ca.reshape(stacked[offset : offset + rows * columns], rows, columns)
-            offset += rows * columns
-        value += term.value(_split(point, size), symbols)
+        value += term.value(_split(point, size), unstacked(term.shapes, stacked[offset:]))
+        offset += stacked_size(term.shapes)
     gradient = ca.gradient(value, point)
     hessian, rows_, columns_ = _nonzeros(ca.tril(ca.hessian(weight * value, point)[0]))
     functions = [
@@ -285,13 +286,9 @@ _HEADER = """/* Generated: sizes, limits and derivatives of one trajectory probl
 #ifndef GBT_PROBLEM_H
 #define GBT_PROBLEM_H
 
-#ifdef GBT_SINGLE
-typedef float gbt_real;
-#define GBT_EPSILON ((gbt_real)1.1920929e-7)
-#else
-typedef double gbt_real;
-#define GBT_EPSILON ((gbt_real)2.220446049250313e-16)
-#endif
+#include "gbt_real.h"
+
+GBT_BEGIN_C
 
 #define GBT_FLAT {flat}              /* n, flat outputs */
 #define GBT_DIMENSION {dimension}         /* d, dimension of the space */
@@ -366,6 +363,8 @@ void gbt_prepare(const gbt_real *mean, const gbt_real *root, const gbt_real *des
 void gbt_prepare_limits(const gbt_real *mean, const gbt_real *covariance, const gbt_real *present, gbt_real *moving);
 #endif
 #endif
+
+GBT_END_C
 
 #endif
 """

@@ -1,7 +1,6 @@
 #include "gbt_braking.h"
 
-#include <tgmath.h>
-
+#include "gbt_math.h"
 #include "gbt_pieces.h"
 
 #define POINTS 11 /* of a piece at which its thrust is held within the limits, both ends included */
@@ -16,8 +15,8 @@ static gbt_real excess(gbt_real piece[GBT_ORDERS][GBT_FLAT], int k, gbt_real *po
     gbt_point_after(piece, GBT_PERIOD * (gbt_real)k / (POINTS - 1), point);
     gbt_vehicle_inputs(point, 0, 0, thrust);
     for (int m = 0; m < GBT_INPUTS; m++) {
-        const gbt_real over = fabs(thrust[m]) / gbt_thrust_max[m] - 1;
-        if (isnan(over)) return (gbt_real)HUGE_VAL;
+        const gbt_real over = gbt_fabs(thrust[m]) / gbt_thrust_max[m] - 1;
+        if (isnan(over)) return GBT_INFINITY;
         if (over > worst) worst = over;
     }
     return worst;
@@ -45,11 +44,11 @@ static void project(gbt_real piece[GBT_ORDERS][GBT_FLAT], int k, gbt_real share,
 /* The best of a few rounds from piece[GBT_JOINED], into best; returns by how much its thrust exceeds the limits. */
 static gbt_real projected(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real best[GBT_FLAT])
 {
-    gbt_real point[GBT_POINT], thrust[GBT_INPUTS], least = (gbt_real)HUGE_VAL, share = 1;
+    gbt_real point[GBT_POINT], thrust[GBT_INPUTS], least = GBT_INFINITY, share = 1;
     for (int j = 0; j < GBT_FLAT; j++) best[j] = piece[GBT_JOINED][j];
     for (int round = 0; round < ROUNDS; round++) {
         gbt_real worst = 0;
-        for (int k = FIRST; k < POINTS; k++) worst = fmax(worst, excess(piece, k, point, thrust));
+        for (int k = FIRST; k < POINTS; k++) worst = gbt_fmax(worst, excess(piece, k, point, thrust));
         if (worst < least) {
             least = worst;
             for (int j = 0; j < GBT_FLAT; j++) best[j] = piece[GBT_JOINED][j];
@@ -68,7 +67,7 @@ static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT])
 {
     static const gbt_real idle[GBT_INPUTS];
     gbt_real next[GBT_ORDERS][GBT_FLAT], drift[GBT_FLAT], best[GBT_FLAT];
-    gbt_real least = (gbt_real)HUGE_VAL, slowest = (gbt_real)HUGE_VAL;
+    gbt_real least = GBT_INFINITY, slowest = GBT_INFINITY;
     gbt_vehicle_acceleration(piece[0], piece[1], idle, drift);
     for (int j = 0; j < GBT_FLAT; j++) best[j] = 0;
     for (int start = 0; start < 2; start++) {
@@ -76,7 +75,7 @@ static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT])
         for (int j = 0; j < GBT_FLAT; j++) {
             gbt_real aim = start == 0 ? -piece[1][j] / GBT_PERIOD : isfinite(drift[j]) ? drift[j] : 0;
             /* where the acceleration is inherited, the one at the end of the piece is aimed instead */
-            if (GBT_JOINED > 2) aim = (aim - piece[2][j]) / pow(GBT_PERIOD, (gbt_real)(GBT_JOINED - 2));
+            if (GBT_JOINED > 2) aim = (aim - piece[2][j]) / gbt_pow(GBT_PERIOD, (gbt_real)(GBT_JOINED - 2));
             piece[GBT_JOINED][j] = aim;
         }
         const gbt_real broken = projected(piece, found);

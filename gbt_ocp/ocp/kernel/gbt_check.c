@@ -1,7 +1,6 @@
 #include "gbt_check.h"
 
-#include <math.h>
-
+#include "gbt_math.h"
 #include "gbt_pieces.h"
 
 /* The larger of worst and the violation of a limit at a place. */
@@ -11,7 +10,7 @@ static gbt_real worst_of(const gbt_limit *limit, const gbt_real *place, gbt_real
     limit->value(place, 0, 0, value);
     for (int r = 0; r < limit->sides; r++) {
         const gbt_real over = limit->sign[r] * value[limit->row[r]] - limit->edge[r];
-        if (isnan(over)) return (gbt_real)HUGE_VAL;
+        if (isnan(over)) return GBT_INFINITY;
         if (over > worst) worst = over;
     }
     return worst;
@@ -21,7 +20,7 @@ static void survey_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], const gbt_real *m
                          gbt_real worst[GBT_LIMITS + 1])
 {
     gbt_real place[GBT_PLACE];
-    for (int q = 0; q < GBT_LIMITS; q++) worst[q] = -(gbt_real)HUGE_VAL;
+    for (int q = 0; q < GBT_LIMITS; q++) worst[q] = -GBT_INFINITY;
     if (points == GBT_NODES) {
         for (int q = 0; q < GBT_LIMITS; q++)
             for (int k = at_start && gbt_limits[q].given; k <= gbt_limits[q].intervals; k++) {
@@ -68,7 +67,7 @@ void gbt_check(const gbt_real *start, const gbt_real *top, int pieces, int point
     for (int i = 0; i < pieces; i++) {
         load_piece(start, top, i, piece);
         survey_piece(piece, moving + i * GBT_MOVING, points, i == 0, worst);
-        violation[i] = -(gbt_real)HUGE_VAL;
+        violation[i] = -GBT_INFINITY;
         for (int q = 0; q < GBT_LIMITS; q++)
             if (gbt_limits[q].judged && worst[q] > violation[i]) violation[i] = worst[q];
     }

@@ -4,9 +4,11 @@
 
 #include "gbt_solver.h"
 
+GBT_BEGIN_C
+
 #define GBT_NODES 0 /* in the place of the number of points: each limit at its own nodes */
 
-/* Largest violation of each limit in each piece in units of the limit, negative inside, HUGE_VAL where one is not a
+/* Largest violation of each limit in each piece in units of the limit, negative inside, infinity where one is not a
    number. What is given at the start is left out there.
 
    start    the continuous derivatives, GBT_JOINED x GBT_FLAT
@@ -17,11 +19,13 @@
 void gbt_survey(const gbt_real *start, const gbt_real *top, int pieces, int points, const gbt_real *moving,
                 gbt_real worst[][GBT_LIMITS + 1]);
 
-/* Largest violation of the judged limits in each piece, minus HUGE_VAL without any; the arguments are the same. */
+/* Largest violation of the judged limits in each piece, minus infinity without any; the arguments are the same. */
 void gbt_check(const gbt_real *start, const gbt_real *top, int pieces, int points, const gbt_real *moving,
                gbt_real *violation);
 
 /* How far each limit is broken at the start, where no plan can change it; 0 where it is kept or not given there. */
 void gbt_broken_at_start(const gbt_real *start, const gbt_real *moving, gbt_real violation[GBT_LIMITS + 1]);
+
+GBT_END_C
 
 #endif

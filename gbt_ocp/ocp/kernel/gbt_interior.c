@@ -4,8 +4,7 @@
    solved: each iterate can be executed and judged, and there is need for neither a filter nor a restoration phase. */
 #include "gbt_interior.h"
 
-#include <tgmath.h>
-
+#include "gbt_math.h"
 #include "gbt_pieces.h"
 #include "gbt_riccati.h"
 #include "gbt_slacks.h"
@@ -55,7 +54,7 @@ static int belongs(const gbt_limit *limit, gbt_which which)
 gbt_real gbt_worst_side(const gbt_workspace *work, gbt_which which)
 {
     const gbt_real *y = work->y;
-    gbt_real worst = -HUGE_VAL;
+    gbt_real worst = -GBT_INFINITY;
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
         const int count = (limit->intervals - limit->first + 1) * work->pieces * limit->sides;
@@ -98,7 +97,7 @@ static gbt_real residual(gbt_workspace *work)
     gbt_adjoint(work->pull, work->pieces, work->push);
     for (int i = 0; i < work->pieces; i++)
         for (int a = 0; a < GBT_FREE; a++) {
-            const gbt_real slope = fabs(work->push[i][a] * gbt_input_scale[a]);
+            const gbt_real slope = gbt_fabs(work->push[i][a] * gbt_input_scale[a]);
             if (!(slope <= worst)) worst = slope;
             if (isnan(worst)) return worst;
         }
@@ -135,7 +134,7 @@ static void find_step(gbt_workspace *work)
     gbt_recover(work);
 }
 
-/* Merit after a step alpha, HUGE_VAL where there is none; leaves work->trial, f_trial and y_trial. */
+/* Merit after a step alpha, GBT_INFINITY where there is none; leaves work->trial, f_trial and y_trial. */
 static gbt_real merit_after(gbt_workspace *work, gbt_real mu, gbt_real alpha)
 {
     gbt_real merit;
@@ -145,7 +144,7 @@ static gbt_real merit_after(gbt_workspace *work, gbt_real mu, gbt_real alpha)
                 work->trial[i][l][j] = work->piece[i][l][j] + alpha * work->step[i][l][j];
     work->f_trial = gbt_evaluate(work, work->trial, work->y_trial);
     merit = work->f_trial + gbt_barrier(work, work->y_trial, mu, alpha);
-    return isfinite(merit) ? merit : HUGE_VAL;
+    return isfinite(merit) ? merit : GBT_INFINITY;
 }
 
 /* The full step, or the full corrected step, or a part of the step that decreases the merit; returns the part, 0 if
@@ -154,10 +153,10 @@ static gbt_real search(gbt_workspace *work, gbt_real mu)
 {
     const gbt_real merit = work->f + gbt_barrier(work, work->y, mu, 0);
     const gbt_real slope = objective_slope(work) + gbt_barrier_slope(work, mu);
-    const gbt_real noise = 10 * GBT_EPSILON * (1 + fabs(merit));
+    const gbt_real noise = 10 * GBT_EPSILON * (1 + gbt_fabs(merit));
     const gbt_real trial = merit_after(work, mu, 1);
     if (trial <= merit + ARMIJO * slope + noise) return 1;
-    if (trial < HUGE_VAL) {
+    if (trial < GBT_INFINITY) {
         gbt_correct(work, mu);
         find_step(work);
         if (merit_after(work, mu, 1) <= merit + ARMIJO * slope + noise) return 1;
@@ -180,7 +179,7 @@ static void accept(gbt_workspace *work, gbt_real mu, gbt_real alpha)
 
 gbt_real gbt_last_barrier(const gbt_settings *settings)
 {
-    return fmin(settings->gap * GBT_PIECES / (GBT_COUNT > 0 ? GBT_COUNT : 1), MU_LAST);
+    return gbt_fmin(settings->gap * GBT_PIECES / (GBT_COUNT > 0 ? GBT_COUNT : 1), MU_LAST);
 }
 
 gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int iterations, gbt_workspace *work,
@@ -203,7 +202,7 @@ gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int i
             return GBT_SOLVED;
         if (result->iterations >= last) return GBT_ITERATION_LIMIT;
         while (mu > mu_last && result->residual <= NEAR_ENOUGH * mu && gbt_off_centre(work, mu) <= NEAR_ENOUGH * mu) {
-            mu = fmin(mu / 5, pow(mu, (gbt_real)1.2));
+            mu = gbt_fmin(mu / 5, gbt_pow(mu, (gbt_real)1.2));
             if (mu < mu_last) mu = mu_last;
             gbt_centre(work, mu);
         }
@@ -234,7 +233,7 @@ static void copy_pieces(gbt_real from[][GBT_ORDERS][GBT_FLAT], gbt_real to[][GBT
 gbt_status gbt_minimise_within_limits(const gbt_settings *settings, gbt_real mu, int deadline, gbt_workspace *work,
                                       gbt_result *result)
 {
-    gbt_real thrust = settings->limit_weight, others = thrust, before_thrust = HUGE_VAL, before_others = HUGE_VAL;
+    gbt_real thrust = settings->limit_weight, others = thrust, before_thrust = GBT_INFINITY, before_others = GBT_INFINITY;
     int kept = 0;
     for (;;) {
         const int most = kept ? DEARER : settings->iterations, left = deadline - result->iterations;
@@ -258,7 +257,7 @@ gbt_status gbt_minimise_within_limits(const gbt_settings *settings, gbt_real mu,
         copy_pieces(work->piece, work->kept, work->pieces);
         kept = 1;
         before_others = sum;
-        before_thrust = HUGE_VAL;
+        before_thrust = GBT_INFINITY;
         thrust *= ESCALATION;
         others *= ESCALATION;
     }

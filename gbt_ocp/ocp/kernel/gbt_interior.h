@@ -4,6 +4,8 @@
 
 #include "gbt_solver.h"
 
+GBT_BEGIN_C
+
 /* The last mu: it bounds what the objective loses by the barrier. */
 gbt_real gbt_last_barrier(const gbt_settings *settings);
 
@@ -28,5 +30,7 @@ typedef enum { GBT_ALL, GBT_HARD_THRUST, GBT_HARD_OTHERS } gbt_which;
 gbt_real gbt_worst_side(const gbt_workspace *work, gbt_which which);
 
 int gbt_all_finite(const gbt_real *x, int count);
+
+GBT_END_C
 
 #endif

@@ -1,9 +1,8 @@
 #include "gbt_plan.h"
 
-#include <math.h>
-
 #include "gbt_braking.h"
 #include "gbt_check.h"
+#include "gbt_math.h"
 #include "gbt_moments.h"
 #include "gbt_pieces.h"
 
@@ -29,7 +28,7 @@ static gbt_status refuse(gbt_plan_result *plan)
     static const gbt_plan_result nothing;
     *plan = nothing;
     plan->origin = GBT_NO_PLAN;
-    plan->violation = (gbt_real)HUGE_VAL;
+    plan->violation = GBT_INFINITY;
     return plan->status = GBT_NOT_FINITE;
 }
 
@@ -85,7 +84,7 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
     gbt_status status = GBT_ITERATION_LIMIT;
     for (int q = 0; q < GBT_LIMITS; q++) {
         tightening[q] = 0;
-        before[q] = (gbt_real)HUGE_VAL;
+        before[q] = GBT_INFINITY;
     }
     for (int k = 0; k < N; k++) u[k] = plan->top[k / GBT_FREE][k % GBT_FREE] / gbt_input_scale[k % GBT_FREE];
     for (int tightened = 0; plan->iterations < last; tightened++) {
@@ -119,7 +118,7 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
         }
         if (!again || tightened == GBT_TIGHTENINGS) break;
         plan->tightened++;
-        warm = 1;
+        warm = GBT_AGAIN;
     }
     if (!found) return status;
     for (int k = 0; k < N; k++) plan->top[k / GBT_FREE][k % GBT_FREE] = usable[k];

@@ -16,6 +16,8 @@
 
 #include "gbt_solver.h"
 
+GBT_BEGIN_C
+
 #define GBT_TIGHTENINGS 4 /* how often limits may be tightened in one attempt */
 #define GBT_PROFILE 5     /* points of the thrust profile in every piece, both ends included */
 
@@ -74,5 +76,7 @@ gbt_status gbt_plan(gbt_planner *planner, const gbt_real *state, const gbt_real 
    (GBT_PIECES + 1) x GBT_MOVING. */
 gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, const gbt_real *parameters,
                                gbt_plan_result *plan);
+
+GBT_END_C
 
 #endif

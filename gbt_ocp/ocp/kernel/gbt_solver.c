@@ -1,9 +1,8 @@
 /* One solve: from where it starts, and what is done where it fails. The method is in gbt_interior.c. */
 #include "gbt_solver.h"
 
-#include <tgmath.h>
-
 #include "gbt_interior.h"
+#include "gbt_math.h"
 #include "gbt_pieces.h"
 #include "gbt_slacks.h"
 
@@ -90,20 +89,20 @@ static void solve_tail(const gbt_settings *settings, const gbt_real *start, cons
 gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,
                      const gbt_real *tightening, int warm, gbt_real *u, gbt_workspace *work, gbt_result *result)
 {
-    gbt_real cheapest = HUGE_VAL;
+    gbt_real cheapest = GBT_INFINITY;
     gbt_status status;
 
     result->status = GBT_NOT_FINITE;
     result->iterations = result->starts = 0;
-    result->residual = result->violation = HUGE_VAL;
-    result->objective = -HUGE_VAL;
+    result->residual = result->violation = GBT_INFINITY;
+    result->objective = -GBT_INFINITY;
     if (!gbt_all_finite(start, GBT_STATE) || !gbt_all_finite(parameters, GBT_NUMBERS) ||
         !gbt_all_finite(u, GBT_PIECES * GBT_FREE) || !gbt_all_finite(tightening, GBT_LIMITS))
         return result->status;
 
     for (int q = 0; q < GBT_LIMITS; q++) work->tightening[q] = tightening[q];
     for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) work->guess[k] = u[k];
-    if (warm && GBT_PIECES > SHORT) solve_tail(settings, start, parameters, work->guess, work, result);
+    if (warm == GBT_WARM && GBT_PIECES > SHORT) solve_tail(settings, start, parameters, work->guess, work, result);
     result->status = GBT_NUMERICAL_FAILURE;
     do {
         gbt_result found = *result;

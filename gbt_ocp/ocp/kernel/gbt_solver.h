@@ -9,6 +9,8 @@
 
 #include "gbt_problem.h"
 
+GBT_BEGIN_C
+
 #define GBT_ORDERS (GBT_DEGREE + 1)           /* derivatives 0 .. L of the flat output describe a piece */
 #define GBT_PIECE (GBT_ORDERS * GBT_FLAT)     /* numbers that describe a piece */
 #define GBT_STATE (GBT_JOINED * GBT_FLAT)     /* the continuous derivatives: what a piece inherits from the one before */
@@ -82,6 +84,10 @@ typedef struct {
     gbt_real tightening[GBT_LIMITS + 1], f, f_trial;
 } gbt_workspace;
 
+/* What a guess is: anything; the rest of a plan, optimal nearly everywhere but at its end; or the solution of the same
+   instance with another tightening. */
+enum { GBT_COLD_START = 0, GBT_WARM = 1, GBT_AGAIN = 2 };
+
 /* Settings that suit the shipped problems. */
 void gbt_default_settings(gbt_settings *settings);
 
@@ -94,9 +100,11 @@ size_t gbt_workspace_bytes(void);
    parameters   of the objective, GBT_PIECES x GBT_PARAMETERS, then of the limits at the boundaries of the pieces,
                 (GBT_PIECES + 1) x GBT_MOVING
    tightening   of each limit, GBT_LIMITS: moves its bounds inwards, in units of the limit
-   warm         whether the guess is near a solution
+   warm         GBT_COLD_START, GBT_WARM or GBT_AGAIN
    u            GBT_PIECES x GBT_FREE: in, the guess; out, the solution; what is free in a piece over gbt_input_scale */
 gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,
                      const gbt_real *tightening, int warm, gbt_real *u, gbt_workspace *work, gbt_result *result);
+
+GBT_END_C
 
 #endif

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.typing import Array
 
-
 GIVEN_UP = "given up"
 """Status where the thrust limits are kept and others had to give."""
 
