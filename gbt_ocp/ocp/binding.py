@@ -70,7 +70,7 @@ class Binding:
         tightening: ArrayLike,
         limits: Sequence[Array] = (),
     ) -> Array:
-        """The parameter vector, for these (ϖ, w_p) of each penalty; ``tightening`` one number a constraint or for all."""
+        """The parameter vector, for these (ϖ, w_p) of each penalty and a tightening of each constraint, or of all."""
         inside = np.broadcast_to(tightening, len(self.problem.constraints))[len(self.problem.hard) :]
         parts = [start.ravel(), *(values.T.ravel() for values in (*objectives, *limits))]
         parts += [np.array([*pair, one]) for pair, one in zip(penalties, inside, strict=True)]

@@ -1,4 +1,4 @@
-"""The last resort: a plan that slows the vehicle down within its thrust, by a few projections and without any solver."""
+"""The last resort: a plan that slows the vehicle down within its thrust, by a few projections, without any solver."""
 
 from __future__ import annotations
 

@@ -177,7 +177,7 @@ class Ladder:
 
 
 def cold_guess(problem: ProblemData, start: Array) -> Array:
-    """Coasting: constant velocity, any higher derivative brought to zero within the first piece; u ``(p, freedoms)``."""
+    """Coasting, u ``(p, freedoms)``: constant velocity, higher derivatives brought to zero within the first piece."""
     guess, n = np.zeros((problem.pieces, problem.freedoms)), start.shape[1]
     if problem.joined > 2:
         guess[0, :n] = -start[-1] / problem.period / input_scale(problem)[:n]

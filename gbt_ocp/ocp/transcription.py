@@ -127,7 +127,11 @@ class LimitClass(IntEnum):
 
 
 LIMIT_WEIGHT = 10.0
-"""Weight of a hard limit of the class that gives first, for a violation of one unit of it at one node."""
+"""Weight of a hard thrust limit where there are no others, for a violation of one unit of it at one node."""
+
+FIRST_TO_GIVE = 3.0
+"""The same where some limits may give, in units of :data:`LIMIT_WEIGHT`: their weight, unlike that of thrust limits, is
+not raised while they are broken, so it has to exceed their multipliers at once."""
 
 CLASS_RATIO = 10.0
 """Weight of a hard limit over that of one of the class that gives before it."""
@@ -143,10 +147,11 @@ def limit_class(problem: ProblemData, constraint: Constraint) -> LimitClass:
 
 
 def hard_weights(problem: ProblemData) -> list[float]:
-    """Weight of each hard limit's l1 penalty, in units of that of the class that gives first."""
+    """Weight of each hard limit's l1 penalty, in units of :data:`LIMIT_WEIGHT`."""
     classes = [limit_class(problem, limit.constraint) for limit in problem.hard]
     present = sorted(set(classes), reverse=True)
-    return [CLASS_RATIO ** present.index(found) for found in classes]
+    first = 1.0 if present == [LimitClass.THRUST] else FIRST_TO_GIVE
+    return [first * CLASS_RATIO ** present.index(found) for found in classes]
 
 
 def limit_names(problem: ProblemData) -> tuple[str, ...]:

@@ -16,9 +16,8 @@
 #define NEAR_ENOUGH ((gbt_real)20)     /* error over mu at which mu is lowered */
 #define DELTA_FIRST ((gbt_real)1e-5)    /* first regularisation of an indefinite Hessian */
 #define DELTA_LAST ((gbt_real)1e12)
-#define ESCALATION ((gbt_real)100)      /* of the weight of hard limits that a solution violates */
+#define ESCALATION ((gbt_real)100)      /* of the weight of thrust limits that a solution violates */
 #define HEAVIEST ((gbt_real)1e7)
-#define DEARER 20                       /* iterations in which a dearer weight has to do better than what there is */
 
 int gbt_all_finite(const gbt_real *x, int count)
 {
@@ -63,21 +62,6 @@ gbt_real gbt_worst_side(const gbt_workspace *work, gbt_which which)
         y += count;
     }
     return worst;
-}
-
-/* What the hard limits besides thrust are broken by, summed over the nodes, each times what its class weighs. */
-static gbt_real weighed_violation(const gbt_workspace *work)
-{
-    const gbt_real *y = work->y;
-    gbt_real sum = 0;
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        const int count = (limit->intervals - limit->first + 1) * work->pieces * limit->sides;
-        for (int k = 0; k < count; k++)
-            if (belongs(limit, GBT_HARD_OTHERS) && y[k] > 0) sum += limit->weight[k % limit->sides] * y[k];
-        y += count;
-    }
-    return sum;
 }
 
 /* work->pull: the gradient of f plus the Jacobians transposed times these multipliers, piece by piece. */
@@ -220,48 +204,23 @@ gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int i
     }
 }
 
-static void copy_pieces(gbt_real from[][GBT_ORDERS][GBT_FLAT], gbt_real to[][GBT_ORDERS][GBT_FLAT], int pieces)
-{
-    for (int i = 0; i < pieces; i++)
-        for (int l = 0; l < GBT_ORDERS; l++)
-            for (int j = 0; j < GBT_FLAT; j++) to[i][l][j] = from[i][l][j];
-}
-
-/* Violated hard limits are made dearer until they are kept or nothing more is gained: the l1 penalty is exact only
-   while its weight exceeds the multipliers. Those on thrust first, since they are never given up for others; then all
-   together, which leaves the order of the classes. What was found before counts if a dearer weight finds nothing. */
+/* Violated limits on thrust are made dearer until they are kept or nothing more is gained: they are never given up for
+   others. The others have the weight of their class, above which an objective must be steep to break them. */
 gbt_status gbt_minimise_within_limits(const gbt_settings *settings, gbt_real mu, int deadline, gbt_workspace *work,
                                       gbt_result *result)
 {
-    gbt_real thrust = settings->limit_weight, others = thrust, before_thrust = GBT_INFINITY, before_others = GBT_INFINITY;
-    int kept = 0;
-    for (;;) {
-        const int most = kept ? DEARER : settings->iterations, left = deadline - result->iterations;
-        gbt_weigh_limits(work, thrust, others);
+    gbt_real before = GBT_INFINITY;
+    for (gbt_real weight = settings->limit_weight;; weight *= ESCALATION) {
+        const int left = deadline - result->iterations;
+        gbt_weigh_limits(work, weight, settings->limit_weight);
         const gbt_status status =
             gbt_minimise(settings->tolerance, mu, gbt_last_barrier(settings),
-                         left < most ? left : most, work, result);
+                         left < settings->iterations ? left : settings->iterations, work, result);
         const gbt_real violation = gbt_worst_side(work, GBT_HARD_THRUST);
-        if (status != GBT_SOLVED || violation > settings->feasibility) {
-            if (kept && (status != GBT_SOLVED || thrust >= HEAVIEST)) break;
-            if (status != GBT_SOLVED) return status;
-            if (thrust >= HEAVIEST || violation > (gbt_real)0.99 * before_thrust)
-                return GBT_LIMIT_VIOLATED;
-            before_thrust = violation;
-            thrust *= ESCALATION;
-            continue;
-        }
-        if (gbt_worst_side(work, GBT_HARD_OTHERS) <= settings->feasibility) return GBT_SOLVED;
-        const gbt_real sum = weighed_violation(work);
-        if (others >= HEAVIEST || sum > (gbt_real)0.99 * before_others) return GBT_GIVEN_UP;
-        copy_pieces(work->piece, work->kept, work->pieces);
-        kept = 1;
-        before_others = sum;
-        before_thrust = GBT_INFINITY;
-        thrust *= ESCALATION;
-        others *= ESCALATION;
+        if (status != GBT_SOLVED) return status;
+        if (violation <= settings->feasibility)
+            return gbt_worst_side(work, GBT_HARD_OTHERS) <= settings->feasibility ? GBT_SOLVED : GBT_GIVEN_UP;
+        if (weight >= HEAVIEST || violation > (gbt_real)0.99 * before) return GBT_LIMIT_VIOLATED;
+        before = violation;
     }
-    copy_pieces(work->kept, work->piece, work->pieces);
-    work->f = gbt_evaluate(work, work->piece, work->y);
-    return GBT_GIVEN_UP;
 }

@@ -38,8 +38,8 @@ typedef struct {
     gbt_real feasibility;    /* a hard limit counts as kept up to this, in units of the limit */
     gbt_real barrier;        /* mu at a cold start */
     gbt_real warm_barrier;   /* mu at a warm start: the longer the horizon, the nearer the shifted plan is to optimal */
-    gbt_real limit_weight;   /* c of the hard limits that give first: the l1 penalty is exact while multipliers stay
-                                below it */
+    gbt_real limit_weight;   /* unit of the weights of hard limits: an l1 penalty is exact while multipliers stay below
+                                its weight */
     int iterations;          /* of one start, before another one is tried */
     int deadline;            /* of all starts together, and of all attempts of a step */
 } gbt_settings;
@@ -78,7 +78,6 @@ typedef struct {
     gbt_real sigma[GBT_SIDES], shift[GBT_SIDES], target[GBT_SIDES];
     /* what the present solve is about */
     gbt_real guess[GBT_PIECES * GBT_FREE];
-    gbt_real kept[GBT_PIECES][GBT_ORDERS][GBT_FLAT]; /* a solution, while a dearer weight is tried */
     int pieces, count; /* of the part of the horizon that is being solved: pieces, and sides of their limits */
     const gbt_real *parameters, *moving;
     gbt_real tightening[GBT_LIMITS + 1], f, f_trial;

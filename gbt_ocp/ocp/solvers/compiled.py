@@ -16,7 +16,7 @@ from gbt_ocp.ocp.codegen.problem_source import from_moments, generate_problem
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.solvers.base import GIVEN_UP, Solution, Step
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.ocp.transcription import limit_size
+from gbt_ocp.ocp.transcription import LIMIT_WEIGHT, limit_size
 from gbt_ocp.typing import Array
 
 STATUSES = (
@@ -55,9 +55,9 @@ class CompiledOptions:
         μ at a warm start, by default ``barrier`` up to five pieces and ``barrier (5/p)²`` beyond: the longer the
         horizon, the nearer the shifted plan is to optimal.
     limit_weight
-        c: weight of the l1 penalty that imposes the hard limits of the class that gives first; the classes above it
-        weigh :data:`~gbt_ocp.ocp.transcription.CLASS_RATIO` times as much each. Exact while the multipliers stay below;
-        where a limit is broken it is raised until that gains nothing more.
+        c: unit of the weights of the l1 penalties that impose the hard limits
+        (:func:`~gbt_ocp.ocp.transcription.hard_weights`), exact while the multipliers stay below them. That of a thrust
+        limit is raised while it is broken.
     iterations
         Iterations of one start before another one is tried; by default 12 a piece, at least 60.
     deadline
@@ -69,7 +69,7 @@ class CompiledOptions:
     feasibility: float = 1.0e-6
     barrier: float = 1.0e-2
     warm_barrier: float = 1.0e-2
-    limit_weight: float = 10.0
+    limit_weight: float = LIMIT_WEIGHT
     iterations: int = 60
     deadline: int = 300
 
