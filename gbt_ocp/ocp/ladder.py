@@ -11,7 +11,7 @@ import numpy as np
 from gbt_ocp.ocp.braking import BrakingPlanner
 from gbt_ocp.ocp.check import LimitCheck
 from gbt_ocp.ocp.problem_data import ProblemData
-from gbt_ocp.ocp.solvers.base import GIVEN_UP, Solution, Solver, Step
+from gbt_ocp.ocp.solvers.base import GIVEN_UP, OUT_OF_ITERATIONS, Solution, Solver, Step
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import LimitClass, input_scale, limit_class
 from gbt_ocp.typing import Array
@@ -33,10 +33,14 @@ class _Given(NamedTuple):
 
 
 class _Attempt(NamedTuple):
-    """One solve with its tightenings; ``trajectory`` is ``None`` if it must not be executed."""
+    """One solve with its tightenings.
+
+    ``trajectory`` is ``None`` if it must not be executed, ``unfinished`` the last iterate if iterations were spent.
+    """
 
     status: str
     trajectory: FlatTrajectory | None
+    unfinished: FlatTrajectory | None
     iterations: int
     tightened: int
 
@@ -45,7 +49,8 @@ class Ladder:
     """Attempts of a solver, and the answers where they fail, in the order of the generated C.
 
     The first attempt starts from the rest of the previous plan. It is answered by that rest, if its first piece keeps
-    the limits or mends what is broken already, by a cold solve, and by a braking plan. A failed solution is never
+    the limits or mends what is broken already, by a cold solve, by what the solver had when its iterations were spent,
+    if the first piece of that keeps the thrust limits, and by a braking plan. Any other failed solution is never
     executed and never a warm start. The iterations are bounded by those the solver allows itself in each solve.
 
     Parameters
@@ -79,7 +84,7 @@ class Ladder:
         coasting = cold_guess(self._problem, start)
         first = self._attempt(given, coasting if rest is None else rest / self._scale, cold=rest is None)
         fallback, trajectory = "", first.trajectory
-        iterations, tightened = first.iterations, first.tightened
+        iterations, tightened, unfinished = first.iterations, first.tightened, first.unfinished
         if trajectory is None and rest is not None:
             # From where the vehicle really is, which is where the previous plan led unless it was pushed.
             candidate = FlatTrajectory(period, start, rest)
@@ -89,6 +94,11 @@ class Ladder:
             again = self._attempt(given, coasting, cold=True)
             fallback, trajectory = "cold", again.trajectory
             iterations, tightened = iterations + again.iterations, tightened + again.tightened
+            unfinished = unfinished or again.unfinished
+        if trajectory is None and unfinished is not None:
+            excess = self._excess(given, self._check.survey(unfinished, limits)[:, 0])
+            if not np.any(excess[self._thrust] > 0.0):
+                fallback, trajectory = "unfinished", unfinished
         if trajectory is None:
             fallback, trajectory = "braking", self._braking(start)
         return self._judge(given, trajectory, first.status, fallback, iterations, tightened)
@@ -156,9 +166,13 @@ class Ladder:
             # a little more than was found, so that one round nearly always does it
             tightening = tightening + np.where(again, 1.2 * excess + 1e-4, 0.0)
             guess, cold, tightened = solution.variables, False, tightened + 1
-        if usable is None:
-            return _Attempt(status, None, iterations, tightened)
-        return _Attempt("solved", usable, iterations, tightened)
+        if usable is not None:
+            return _Attempt("solved", usable, None, iterations, tightened)
+        unfinished = None
+        variables = solution.variables
+        if status in OUT_OF_ITERATIONS and np.shape(variables) == guess.shape and np.all(np.isfinite(variables)):
+            unfinished = FlatTrajectory(self._problem.period, given.start, variables * self._scale)
+        return _Attempt(status, None, unfinished, iterations, tightened)
 
     def _answer(self, given: _Given, guess: Array, cold: bool, tightening: Array) -> Solution:
         """What the solver says; a solver that raises or returns nothing has failed like any other."""

@@ -12,6 +12,9 @@ from gbt_ocp.ocp.solvers.base import GIVEN_UP
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.typing import Array
 
+ANSWERED = ("solved", GIVEN_UP)
+"""Words for a first attempt that succeeded."""
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -35,7 +38,8 @@ class Plan:
     solve_time
         Seconds of all attempts, fine-grid checks included.
     fallback
-        ``""``, ``shifted`` (the rest of the previous plan), ``cold`` (a cold solve) or ``braking``.
+        ``""``, ``shifted`` (the rest of the previous plan), ``cold`` (a cold solve), ``unfinished`` (what the solver had when
+        its iterations were spent) or ``braking``.
     tightened
         How often limits were tightened because the piece to be executed broke them between nodes.
     elapsed
@@ -68,7 +72,7 @@ class Plan:
     @property
     def answered(self) -> bool:
         """Whether the first attempt of this step succeeded, be it that limits had to give."""
-        return self.status in ("solved", GIVEN_UP)
+        return self.status in ANSWERED
 
     @property
     def knots(self) -> Array:

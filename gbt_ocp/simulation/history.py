@@ -93,7 +93,7 @@ class History:
     solver_iterations, solver_time, tracker_time
         ``(K,)``; count, s, s. Without a solver 0 iterations and NaN time.
     fallback
-        Answer to a failed solve: "" | "shifted" | "cold" | "relaxed" | "braking"; ``(K,)`` text.
+        Answer to a failed solve: "" | "shifted" | "cold" | "unfinished" | "braking"; ``(K,)`` text.
     plan
         Endpoints of the planned pieces, ``(K, p, d+1)``; p may be 0.
 

@@ -48,6 +48,13 @@ static void coast(const gbt_real *state, gbt_real top[GBT_PIECES][GBT_FREE])
                 i == 0 && a < GBT_FLAT && GBT_JOINED > 2 ? -state[GBT_STATE - GBT_FLAT + a % GBT_FLAT] / GBT_PERIOD : 0;
 }
 
+static int keep(gbt_real from[GBT_PIECES][GBT_FREE], gbt_real to[GBT_PIECES][GBT_FREE])
+{
+    for (int i = 0; i < GBT_PIECES; i++)
+        for (int a = 0; a < GBT_FREE; a++) to[i][a] = from[i][a];
+    return 1;
+}
+
 /* How far a judged limit is broken in the first piece beyond what cannot be helped: beyond the start where that has
    broken it already. Limits besides thrust count as kept up to what the solver takes for kept. */
 static gbt_real excess_of(const gbt_planner *planner, const gbt_plan_result *plan, int q, gbt_real fine)
@@ -58,21 +65,21 @@ static gbt_real excess_of(const gbt_planner *planner, const gbt_plan_result *pla
     return fine > allowed ? fine - allowed : 0;
 }
 
-/* Whether the first piece of plan->top does what the rest of a previous plan has to do to be executed. */
+/* Whether the first piece of plan->top keeps the limits but for what cannot be helped: those on thrust, or all. */
 static int keeps_limits(const gbt_planner *planner, const gbt_real *state, const gbt_real *moving,
-                        const gbt_plan_result *plan)
+                        const gbt_plan_result *plan, int thrust_only)
 {
     gbt_real fine[1][GBT_LIMITS + 1];
     gbt_survey(state, &plan->top[0][0], 1, GBT_FINE_POINTS, moving, fine);
     for (int q = 0; q < GBT_LIMITS; q++)
-        if (excess_of(planner, plan, q, fine[0][q]) > 0) return 0;
+        if (!(thrust_only && gbt_limits[q].kind != GBT_THRUST) && excess_of(planner, plan, q, fine[0][q]) > 0) return 0;
     return 1;
 }
 
 /* Solves from plan->top within so many iterations. While the piece that is to be executed breaks limits between the
    nodes, these limits are tightened, each by what it was broken, and the problem is solved again. Thrust must be kept in
    the end. Another limit is tightened as long as that helps, and not where it has been given up already. Returns
-   GBT_SOLVED if plan->top may be executed. */
+   GBT_SOLVED if plan->top may be executed, and leaves the last iterate there at GBT_ITERATION_LIMIT. */
 static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt_real *parameters, int warm,
                           int iterations, gbt_plan_result *plan)
 {
@@ -94,8 +101,9 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
         settings.deadline = last - plan->iterations;
         status = gbt_solve(&settings, state, parameters, tightening, warm, u, &planner->work, &result);
         plan->iterations += result.iterations;
+        if (status != GBT_NUMERICAL_FAILURE)
+            for (int k = 0; k < N; k++) plan->top[k / GBT_FREE][k % GBT_FREE] = u[k] * gbt_input_scale[k % GBT_FREE];
         if (status != GBT_SOLVED && status != GBT_GIVEN_UP) break;
-        for (int k = 0; k < N; k++) plan->top[k / GBT_FREE][k % GBT_FREE] = u[k] * gbt_input_scale[k % GBT_FREE];
         gbt_survey(state, &plan->top[0][0], 1, GBT_FINE_POINTS, moving, fine);
         gbt_survey(state, &plan->top[0][0], 1, GBT_NODES, moving, nodes);
         for (int q = 0; q < GBT_LIMITS; q++) {
@@ -179,6 +187,8 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
     const gbt_real *moving = parameters + GBT_LIMIT_NUMBERS;
     const int deadline = planner->settings.deadline;
     gbt_status found;
+    gbt_real unfinished[GBT_PIECES][GBT_FREE];
+    int some = 0;
     if (!all_finite(state, GBT_STATE) || !all_finite(parameters, GBT_NUMBERS)) return refuse(plan);
     plan->iterations = plan->tightened = 0;
     gbt_broken_at_start(state, moving, plan->broken_at_start);
@@ -191,10 +201,11 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
     plan->status = found = attempt(planner, state, parameters, planner->warm,
                                    planner->warm ? deadline - deadline / 3 : deadline, plan);
     plan->origin = GBT_PLANNED;
+    if (found == GBT_ITERATION_LIMIT) some = keep(plan->top, unfinished);
     if (found != GBT_SOLVED && planner->warm) {
         /* From where the vehicle really is, which is where the previous plan led unless it was pushed. */
         shift(planner, plan->top);
-        if (keeps_limits(planner, state, moving, plan)) {
+        if (keeps_limits(planner, state, moving, plan, 0)) {
             plan->origin = GBT_SHIFTED;
             found = GBT_SOLVED;
         }
@@ -203,6 +214,14 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
         coast(state, plan->top);
         plan->origin = GBT_COLD;
         found = attempt(planner, state, parameters, 0, deadline - plan->iterations, plan);
+        if (found == GBT_ITERATION_LIMIT && !some) some = keep(plan->top, unfinished);
+    }
+    if (found != GBT_SOLVED && some) {
+        keep(unfinished, plan->top);
+        if (keeps_limits(planner, state, moving, plan, 1)) {
+            plan->origin = GBT_UNFINISHED;
+            found = GBT_SOLVED;
+        }
     }
     if (found != GBT_SOLVED) {
         plan->origin = GBT_BRAKED;

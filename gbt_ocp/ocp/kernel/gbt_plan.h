@@ -9,7 +9,8 @@
    Every call returns a plan, unless the input is not finite. Thrust is kept within its limits. Where the other limits
    cannot all be kept, those on what is only believed of the target give before the others, each by as little as the
    thrust allows, and plan.given_up says by how much. Where the solver fails, the answer is the rest of the previous
-   plan, a plan from a cold start, or a braking plan, in this order. Nothing is allocated, and the solver's iterations of
+   plan, a plan from a cold start, what the solver had when its iterations were spent if the first piece of that keeps
+   the thrust limits, or a braking plan, in this order. Nothing is allocated, and the solver's iterations of
    all attempts together are at most settings.deadline. */
 #ifndef GBT_PLAN_H
 #define GBT_PLAN_H
@@ -26,7 +27,8 @@ typedef enum {
     GBT_SHIFTED = 1,  /* the rest of the previous plan */
     GBT_COLD = 2,     /* the solver's plan from a cold start, after a warm one failed */
     GBT_BRAKED = 3,   /* a braking plan */
-    GBT_NO_PLAN = 4   /* the input was not finite */
+    GBT_NO_PLAN = 4,  /* the input was not finite */
+    GBT_UNFINISHED = 5 /* what the solver had when its iterations were spent */
 } gbt_origin;
 
 typedef struct {

@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.typing import Array
 
+OUT_OF_ITERATIONS = ("iteration limit", "Maximum_Iterations_Exceeded")
+"""Status of a solution that is an iterate like others when the iterations were spent, and can be judged."""
+
 GIVEN_UP = "given up"
 """Status where the thrust limits are kept and others had to give."""
 
@@ -48,7 +51,7 @@ class Step:
     status
         ``solved`` or ``given up``, or the word for what happened to the first attempt.
     fallback
-        ``""`` for the first attempt's plan, ``shifted``, ``cold`` or ``braking``.
+        ``""`` for the first attempt's plan, ``shifted``, ``cold``, ``unfinished`` or ``braking``.
     iterations
         Of all attempts.
     tightened

@@ -30,7 +30,7 @@ STATUSES = (
 )
 """What the exit codes of the kernel are called."""
 
-ORIGINS = ("", "shifted", "cold", "braking")
+ORIGINS = ("", "shifted", "cold", "braking", "no plan", "unfinished")
 """What the origins of a plan are called."""
 
 PROFILE = 5
