@@ -16,7 +16,8 @@ from scipy.stats import chi2
 from gbt_ocp.experiments.result import Result
 from gbt_ocp.reporting import animation
 from gbt_ocp.reporting.animation import write_animation
-from gbt_ocp.reporting.scene import Scene, confidence_radius, outline
+from gbt_ocp.reporting.scene import Scene, outline
+from gbt_ocp.simulation.calibration import region_radius
 
 
 def save(folder, dimension=2, steps=30, change=None, **kind):
@@ -94,7 +95,7 @@ def test_other_endings_are_refused(tmp_path, name):
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_regions_hold_95_per_cent(dimension):
-    assert confidence_radius(dimension) == pytest.approx(np.sqrt(chi2.ppf(0.95, dimension)))
+    assert region_radius(dimension) == pytest.approx(np.sqrt(chi2.ppf(0.95, dimension)))
     root = np.random.default_rng(1).normal(size=(dimension, dimension))
     covariance = root @ root.T
     points = outline(covariance, (0, dimension - 1))
@@ -103,7 +104,7 @@ def test_the_regions_hold_95_per_cent(dimension):
         u = np.zeros(dimension)
         u[[0, dimension - 1]] = np.cos(angle), np.sin(angle)
         assert (points @ u[[0, dimension - 1]]).max() == pytest.approx(
-            confidence_radius(dimension) * np.sqrt(u @ covariance @ u), rel=0.003
+            region_radius(dimension) * np.sqrt(u @ covariance @ u), rel=0.003
         )
 
 

@@ -24,7 +24,6 @@ from gbt_ocp.guidance.startup import planner_of
 from gbt_ocp.ocp.plan import ANSWERED
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
-from gbt_ocp.simulation.history import History
 from gbt_ocp.simulation.loop import simulate, step_count
 from gbt_ocp.simulation.summary import installed_versions, summarise
 
@@ -112,7 +111,7 @@ def run(
             bar.update()
 
         recording = simulate(loop, start, configuration.duration_s, after_step)
-    history = History(**recording.arrays)  # type: ignore[arg-type]  # names and kinds are checked there
+    history = recording.history
     summary = summarise(
         history,
         period=period,

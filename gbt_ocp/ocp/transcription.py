@@ -15,6 +15,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective
@@ -174,7 +175,7 @@ class Transcription:
     ``variables`` is u, piece by piece ``(freedoms p,)``; ``parameters`` stacks the start, the parameters of the
     objectives and of the constraints, and (ϖ, w_p, tightening) of each penalty. The penalty is ``Σ cost g(excess)``
     with g of half width ``width``. ``weight`` is the price of a violation of one unit of each limit that may give for
-    others, infinite of those that may not.
+    others, infinite of those that may not; ``rows`` says how many rows of ``limits`` each hard limit has.
     """
 
     variables: ca.MX
@@ -189,6 +190,16 @@ class Transcription:
     upper: Array
     scale: Array
     weight: Array
+    rows: tuple[int, ...]
+
+    def inward(self, tightening: ArrayLike) -> Array:
+        """By how much a tightening moves the bound of each row of ``limits``.
+
+        ``tightening`` is one number a constraint, hard ones first, or one for all, in units of the limits.
+        """
+        each = np.asarray(tightening, dtype=float)
+        per_limit = each[: len(self.rows)] if each.ndim else np.full(len(self.rows), float(each))
+        return np.asarray(np.repeat(per_limit, self.rows) * self.scale)
 
     @property
     def giving(self) -> list[int]:
@@ -318,6 +329,7 @@ def transcribe(problem: ProblemData) -> Transcription:
         np.concatenate(upper or empty),
         np.concatenate(scale or empty),
         np.concatenate(weight or empty),
+        tuple(len(part) for part in scale),
     )
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.files import packaged_text
-from gbt_ocp.reporting.scene import Scene, confidence_radius
+from gbt_ocp.reporting.scene import Scene
+from gbt_ocp.simulation.calibration import region_radius
 
 
 def _text(name: str) -> str:
@@ -50,7 +51,7 @@ def _data(scene: Scene) -> dict[str, Any]:
         "times": history.forecast_mean.shape[1],
         "pieces": history.plan.shape[1],
         "speed": scene.speed,
-        "radius": confidence_radius(d),
+        "radius": region_radius(d),
         "closeUp": scene.close_up(),
         "low": low.tolist(),
         "high": high.tolist(),

@@ -12,6 +12,7 @@ from matplotlib.patches import Ellipse
 
 from gbt_ocp.reporting import style
 from gbt_ocp.reporting.tables import Table
+from gbt_ocp.simulation.calibration import region_radius
 from gbt_ocp.simulation.replay import BearingLog, ReplayedTrack
 
 _LOOKS = ((style.BLUE, "-"), (style.VERMILLION, "--"), (style.GREEN, "-."), (style.PURPLE, ":"), (style.ORANGE, "-"))
@@ -19,10 +20,7 @@ _LOOKS = ((style.BLUE, "-"), (style.VERMILLION, "--"), (style.GREEN, "-."), (sty
 ELLIPSES = 6
 """Ellipses drawn along the track of the first tracker."""
 
-CHI2_95 = 5.991
-"""95 % quantile with two degrees of freedom."""
-
-SETTLING = 0.1
+UNSETTLED = 0.1
 """Share of the log at its start that does not choose the limits of a map: nothing is known there yet."""
 
 
@@ -89,7 +87,7 @@ def _track(log: BearingLog, tracks: Sequence[ReplayedTrack]) -> Figure:
     axes.plot(*log.own[:, :2].T, color=style.GREY, label="own vehicle")
     if log.truth is not None:
         axes.plot(*log.truth[:, :2].T, color=style.BLACK, linewidth=1.8, label="target")
-    begin = int(SETTLING * len(log.times))
+    begin = int(UNSETTLED * len(log.times))
     points = [log.own[:, :2]] + ([log.truth[:, :2]] if log.truth is not None else [])
     for track, (colour, line) in zip(tracks, _LOOKS, strict=False):
         axes.plot(*track.mean[begin:, :2].T, color=colour, linestyle=line, linewidth=1.0, label=track.name)
@@ -115,7 +113,7 @@ def _ellipse(axes: Axes, track: ReplayedTrack, k: int, colour: str) -> None:
     if not np.all(np.isfinite(covariance)):
         return
     values, vectors = np.linalg.eigh(covariance)
-    width, height = 2.0 * np.sqrt(CHI2_95 * np.maximum(values[::-1], 0.0))
+    width, height = 2.0 * region_radius(2) * np.sqrt(np.maximum(values[::-1], 0.0))
     angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
     axes.add_patch(Ellipse(tuple(track.mean[k, :2]), width, height, angle=angle, fill=False, color=colour, alpha=0.6))
 

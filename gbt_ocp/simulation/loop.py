@@ -10,16 +10,19 @@ from time import perf_counter
 from typing import Any, Literal, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.protocol import BearingGuidance, Guidance, Placement
-from gbt_ocp.models.bearings import DesiredBearing, condition_number, cumulative_bearing_matrix
+from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
+from gbt_ocp.simulation.history import History
 from gbt_ocp.simulation.mover import Mover
+from gbt_ocp.simulation.recorder import Recorder
+from gbt_ocp.simulation.step import Step
 from gbt_ocp.tracking.protocol import Forecast, GaussianProcess, PositionTracker, Tracker
 from gbt_ocp.typing import Array
 
@@ -83,12 +86,12 @@ class ClosedLoop:
 
 @dataclass(frozen=True)
 class Recording:
-    """Arrays of a run, time first, by their names in the run folder, and what they leave out.
+    """The history of a run, and counts of what happened that it does not hold.
 
     Attributes
     ----------
-    arrays
-        One entry a quantity.
+    history
+        All steps.
     tightened
         How often limits were tightened because a piece to be executed broke them between nodes.
     nugget_retries
@@ -101,12 +104,17 @@ class Recording:
         Steps in which a plan asked for more thrust than there is, which was clipped.
     """
 
-    arrays: dict[str, Array]
+    history: History
     tightened: int
     nugget_retries: int
     refused_bearings: int = 0
     held_forecasts: int = 0
     clipped: int = 0
+
+    @property
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The arrays of the history by name."""
+        return dict(vars(self.history))
 
 
 Progress = Callable[[int, float, float], None]
@@ -119,7 +127,13 @@ def step_count(duration: float, period: float) -> int:
     return int(duration / period + 1e-6) + 1
 
 
-def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Progress | None = None) -> Recording:
+def simulate(
+    loop: ClosedLoop,
+    start: ArrayLike,
+    duration: float,
+    progress: Progress | None = None,
+    history: type[History] = History,
+) -> Recording:
     """Run the closed loop.
 
     A bearing that the tracker refuses counts as missed. A forecast that is not finite is recorded as it is, but the
@@ -135,17 +149,20 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
         In seconds; see :func:`step_count`.
     progress
         Called after each step.
+    history
+        The class of the history; a subclass may declare further arrays.
     """
     period, vehicle = loop.sensor.period, loop.vehicle
     mover = Mover(vehicle, period, loop.follow)
     flat = np.asarray(start, dtype=float)
     state = vehicle.state(flat[0], flat[1])
-    rows: list[dict[str, Any]] = []
+    steps = step_count(duration, period)
+    recorder = Recorder(history, steps)
     seen: deque[Array] = deque(maxlen=loop.window)
     tightened = refused = held = clipped = 0
     usable: Forecast | None = None
     underway: deque[tuple[float, Array, Array, Array]] = deque()
-    for k in range(step_count(duration, period)):
+    for k in range(steps):
         t = k * period
         times = np.asarray(t + loop.forecast_period * np.arange(loop.forecast + 1), dtype=float)
         truth = loop.target.position(times)
@@ -181,34 +198,30 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
         else:
             move = mover.hold(state, decision.thrust[0] if isinstance(decision, ShootingPlan) else decision)
         clipped += move.clipped
-        row: dict[str, Any] = {
-            "t": t,
-            "vehicle_pose": vehicle.pose(state),
-            "vehicle_velocity": vehicle.velocity(state),
-            "thrust": move.thrust,
-            "piece_thrust_peak": move.thrust_peak,
-            "target": truth[0],
-            "bearing": np.full(loop.target.dimension, np.nan) if bearing is None else bearing,
-            "desired_bearing": getattr(loop.guidance, "desired", loop.desired)(t),
-            "detected": bearing is not None,
-            "forecast_mean": forecast.mean,
-            "forecast_cov": forecast.covariance,
-            "error": np.linalg.norm(forecast.mean - truth, axis=1),
-            "condition_number": condition_number(cumulative_bearing_matrix(seen)) if seen else np.inf,
-            "tracker_time": tracker_time,
-        }
-        if isinstance(decision, Plan | ShootingPlan):
-            tightened += decision.tightened
-        rows.append(row | _tracker_columns(loop, times) | _solver_columns(decision, vehicle))
+        step = Step(
+            time=t,
+            times=times,
+            target=truth,
+            vehicle=vehicle,
+            state=state,
+            bearing=bearing,
+            desired_bearing=getattr(loop.guidance, "desired", loop.desired)(t),
+            window=seen,
+            forecast=forecast,
+            tracker_time=tracker_time,
+            process=loop.gaussian_process,
+            bound_delta=loop.bound_delta,
+            decision=decision,
+            move=move,
+        )
+        recorder.add(step)
+        if step.plan is not None:
+            tightened += step.plan.tightened
         if progress is not None:
-            progress(k, float(np.mean(row["error"])), rows[-1]["solver_time"])
+            progress(k, float(np.mean(step.error)), np.nan if step.plan is None else step.plan.solve_time)
         flat, state = move.flat, move.state
-    longest = max(len(row["plan"]) for row in rows)
-    for row in rows:  # where nothing is planned yet there are no endpoints
-        row["plan"] = np.pad(row["plan"], ((0, longest - len(row["plan"])), (0, 0)), constant_values=np.nan)
-    arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     retries = loop.gaussian_process.nugget_retries if loop.gaussian_process is not None else 0
-    return Recording(arrays, tightened, retries, refused, held, clipped)
+    return Recording(recorder.history(), tightened, retries, refused, held, clipped)
 
 
 def _taken(loop: ClosedLoop, time: float, bearing: Array, own: Array, position: Array) -> bool:
@@ -241,45 +254,3 @@ def _measured_position(loop: ClosedLoop, target: Array) -> Array:
     if tracker is None:
         return np.full(target.shape, np.nan)
     return np.asarray(target + tracker.position_std * loop.rng.standard_normal(target.shape))
-
-
-def _tracker_columns(loop: ClosedLoop, times: Array) -> dict[str, Any]:
-    """Hyperparameters and error bound; NaN from a tracker that has none."""
-    tracker = loop.gaussian_process
-    if tracker is None:
-        unknown = dict.fromkeys(("length_scale", "amplitude", "nugget"), np.nan)
-        dimension = loop.target.dimension
-        return {**unknown, "prior_cov": np.full((dimension,) * 2, np.nan), "bound": np.full(len(times), np.nan)}
-    theta = tracker.hyperparameters
-    return {
-        "length_scale": theta.length_scale,
-        "amplitude": theta.amplitude,
-        "nugget": theta.nugget,
-        "prior_cov": tracker.prior_covariance,
-        "bound": tracker.bound(times, loop.bound_delta),
-    }
-
-
-def _solver_columns(decision: Plan | ShootingPlan | Placement | Array, vehicle: Vehicle) -> dict[str, Any]:
-    """What is recorded of a plan; neutral entries where no problem was solved."""
-    if isinstance(decision, Plan | ShootingPlan):
-        ends = decision.knots[1:]
-        return {
-            "objective": decision.objective,
-            "violation": decision.violation,
-            "solver_status": decision.status,
-            "solver_iterations": decision.iterations,
-            "solver_time": decision.solve_time,
-            "fallback": decision.fallback,
-            # as poses: the flat output of a vehicle need not be one
-            "plan": np.array([vehicle.pose(vehicle.state(end[0], end[1])) for end in ends]),
-        }
-    return {
-        "objective": np.nan,
-        "violation": np.nan,
-        "solver_status": "",
-        "solver_iterations": 0,
-        "solver_time": np.nan,
-        "fallback": "",
-        "plan": np.zeros((0, vehicle.position_dimension + 1)),
-    }

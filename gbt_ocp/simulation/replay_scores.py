@@ -6,14 +6,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
+from gbt_ocp.simulation.calibration import squared_errors, within
 from gbt_ocp.simulation.replay import BearingLog
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, relative_range_std
 from gbt_ocp.typing import Array
-
-CONFIDENCE = 0.95
-"""Of the ellipse whose coverage is counted."""
 
 
 def scores(
@@ -85,15 +82,8 @@ def _errors(
 ) -> dict[str, Any]:
     offset = mean - truth
     share = np.linalg.norm(offset, axis=1) / true_range
-    nees = np.full(len(share), np.nan)
-    sound = np.asarray(np.isfinite(covariance).all(axis=(1, 2)) & np.isfinite(offset).all(axis=1))
-    if np.any(sound):
-        smallest = np.linalg.eigvalsh(covariance[sound])[:, 0]
-        sound[np.flatnonzero(sound)[smallest <= 0.0]] = False
-    if np.any(sound):
-        solved = np.linalg.solve(covariance[sound], offset[sound][..., None])[..., 0]
-        nees[sound] = np.sum(offset[sound] * solved, axis=1)
-    inside = nees[scored & np.isfinite(nees)] < chi2.ppf(CONFIDENCE, mean.shape[1])
+    nees = squared_errors(offset, covariance)
+    inside = within(nees, mean.shape[1])[scored & ~np.isnan(nees)]
     return {
         f"{prefix}error_median": _of(np.median, share[scored]),
         f"{prefix}error_rms": _of(_root_mean_square, share[scored]),

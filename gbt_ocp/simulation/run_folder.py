@@ -21,7 +21,7 @@ FIGURES = "figures"
 PARTS = (CONFIGURATION, HISTORY, SUMMARY)
 """The files without which a folder is no run folder."""
 
-NUMBERS = frozenset(
+NUMERIC = frozenset(
     (
         "error_mean", "error_settled", "error_final", "error_rms", "error_median", "error_settled_max", "settling_s",
         "distance_min", "distance_median", "violation_max", "objective_mean", "solver_success_rate",
@@ -81,7 +81,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
         raise ValueError(f"{path}: found {type(summary).__name__}; allowed: a JSON object")
     # A key that is not there may be one that an older version did not write.
     for key, value in summary.items():
-        if key in NUMBERS and value is not None and not _is_number(value):
+        if key in NUMERIC and value is not None and not _is_number(value):
             raise ValueError(f"{path}: {key}: found {value!r:.60}; allowed: a number or null")
         if key in COUNTS and not (isinstance(value, dict) and all(map(_is_number, value.values()))):
             raise ValueError(f"{path}: {key}: found {value!r:.60}; allowed: a mapping to numbers")

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
@@ -108,14 +107,15 @@ def _number(noun: str, metadata: list[Any], several: bool) -> str:
     return f"{noun} in {low[2]}{low[0]}, {high[0]}{high[2]}"
 
 
-_LOWER = ((Gt, "gt", ">", "("), (Ge, "ge", ">=", "["))
-_UPPER = ((Lt, "lt", "<", ")"), (Le, "le", "<=", "]"))
+_LOWER = (("gt", ">", "("), ("ge", ">=", "["))
+_UPPER = (("lt", "<", ")"), ("le", "<=", "]"))
 
 
-def _bound(metadata: list[Any], kinds: tuple[tuple[type, str, str, str], ...]) -> tuple[str, str, str] | None:
+def _bound(metadata: list[Any], names: tuple[tuple[str, str, str], ...]) -> tuple[str, str, str] | None:
     """A bound, its sign, and its bracket in an interval."""
-    for kind, name, sign, bracket in kinds:
+    for name, sign, bracket in names:
         for entry in metadata:
-            if isinstance(entry, kind):
-                return f"{getattr(entry, name):g}", sign, bracket
+            bound = getattr(entry, name, None)
+            if bound is not None:
+                return f"{bound:g}", sign, bracket
     return None

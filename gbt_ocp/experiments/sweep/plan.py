@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -84,6 +85,11 @@ class SweepPlan:
 
     def __len__(self) -> int:
         return len(self.variants) * len(self.seeds)
+
+    @cached_property
+    def varied(self) -> tuple[str, ...]:
+        """Keys that any variant replaces, in the order in which they first occur."""
+        return tuple(dict.fromkeys(key for variant in self.variants for key in variant.overrides))
 
     def runs(self) -> Iterator[PlannedRun]:
         """The runs in their order."""

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.solvers.base import Solution
-from gbt_ocp.ocp.transcription import continuation, first_free_node, transcribe
+from gbt_ocp.ocp.transcription import continuation, transcribe
 from gbt_ocp.typing import Array
 
 DEFAULT_OPTIONS: dict[str, Any] = {
@@ -131,9 +131,6 @@ class IpoptSolver:
         none = np.full(self._slacks, np.inf)
         self._least = np.concatenate([-free, np.zeros(self._slacks), -none, np.zeros(len(self._giving))])
         self._unbounded = none
-        rows = [limit.nodes + 1 - first_free_node(problem, limit.constraint) for limit in problem.hard]
-        sizes = [len(limit.constraint.upper) for limit in problem.hard]
-        self._rows = [problem.pieces * nodes * size for nodes, size in zip(rows, sizes, strict=True)]
 
     def _solve_once(
         self,
@@ -145,8 +142,7 @@ class IpoptSolver:
         limits: Sequence[Array],
     ) -> Solution:
         program = self._program
-        each = np.broadcast_to(tightening, len(self._problem.constraints))[: len(self._rows)]
-        inside = np.repeat(each, self._rows) * program.scale
+        inside = program.inward(tightening)
         if np.any(program.lower + inside > program.upper - inside):
             return Solution(guess, False, "limits tightened away", 0)
         parameters = self._binding.vector(start, objectives, stage, tightening, limits)
