@@ -38,8 +38,8 @@ class Plan:
     solve_time
         Seconds of all attempts, fine-grid checks included.
     fallback
-        ``""``, ``shifted`` (the rest of the previous plan), ``cold`` (a cold solve), ``unfinished`` (what the solver had
-        when its iterations were spent) or ``braking``.
+        ``""``, ``shifted`` (the rest of the previous plan), ``cold`` (a cold solve), ``unfinished`` (what the solver
+        had when its iterations were spent) or ``braking``.
     tightened
         How often limits were tightened because the piece to be executed broke them between nodes.
     elapsed
