@@ -122,7 +122,7 @@ def test_both_solvers_give_up_the_same(seed):
     costs = []
     for plan in plans:
         check = LimitCheck(problem)
-        # what both minimise, from the nodes of the finished plans: objectives are not convex, but no plan may be far off
+        # at the nodes of the finished plans: the problem is not convex, but no plan may be far off
         nodes = check.survey(plan.trajectory, planner_limits(problem, target), nodes=True)
         costs.append(np.maximum(nodes[1:], 0.0).max(axis=1))
         assert nodes[0].max() <= 1e-6

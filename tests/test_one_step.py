@@ -1,4 +1,4 @@
-"""One step of the planner: the C that Python calls, the ladder in Python, and a folder compiled by itself say the same."""
+"""One step of the planner: the C that Python calls, the ladder in Python and a folder compiled apart say the same."""
 
 import ctypes
 

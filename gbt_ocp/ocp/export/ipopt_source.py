@@ -84,8 +84,8 @@ IPOPT allocates memory and its time is not bounded: for a vehicle take the defau
 
 `{name}.h` has CasADi's usual interface. Inputs:
 
-- x0: {variables} scaled derivatives of the pieces, one piece after another, then {slacks} slacks of the penalties, then {giving} of the
-  limits that give where not all can be kept
+- x0: {variables} scaled derivatives of the pieces, one piece after another, then {slacks} slacks of the penalties, then
+  {giving} of the limits that give where not all can be kept
 - p: {parameters} numbers, below
 - lbx, ubx: infinite, but 0 below for the first half of the penalties' slacks and for all of the limits'
 - lbg, ubg: {limits} bounds of the limits at the nodes, without the lower ones of those that give, then {kinks} times 0
