@@ -1,5 +1,6 @@
 """Animations, looked at with tools of others: Pillow, ffprobe, a real browser."""
 
+import base64
 import dataclasses
 import json
 import re
@@ -132,10 +133,48 @@ browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
 PROBE = (Path(__file__).parent / "animation_probe.js").read_text(encoding="utf-8")
 
 
+UTM = (565_432.1, 7_034_567.8, -30.0)
+"""Where maps have their origin: seven digits before the point."""
+
+
+def moved(offset):
+    """A change of a history that puts everything in it somewhere else."""
+
+    def change(history):
+        d = history.dimension
+        shift = np.asarray(offset[:d])
+        return {
+            "target": history.target + shift,
+            "vehicle_pose": history.vehicle_pose + np.append(shift, 0.0),
+            "forecast_mean": history.forecast_mean + shift,
+            "plan": history.plan + np.append(shift, 0.0),
+        }
+
+    return change
+
+
+def test_the_page_holds_times_and_positions_in_full(tmp_path):
+    folder, history = save(tmp_path / "run", change=moved(UTM))
+    text = write_animation(folder, tmp_path / "page.html").read_text(encoding="utf-8")
+    arrays = json.loads(re.search(r'<script id="data"[^>]*>(.*?)</script>', text, re.DOTALL)[1])["arrays"]
+
+    def held(name):
+        bits, data = arrays[name]
+        return np.frombuffer(base64.b64decode(data), f"<f{bits // 8}")
+
+    np.testing.assert_array_equal(held("t"), history.t)
+    np.testing.assert_array_equal(held("target"), history.target.ravel())
+    np.testing.assert_array_equal(held("vehicle"), history.vehicle_pose[:, :2].ravel())
+    np.testing.assert_array_equal(held("mean"), history.forecast_mean.ravel())
+    np.testing.assert_array_equal(held("plan").reshape(31, 6, 2)[:, 1:], history.plan[:, :, :2])
+    np.testing.assert_allclose(held("distance"), Scene.load(folder).distance, rtol=1e-6)
+
+
 @browser
+@pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), UTM], ids=["origin", "utm"])
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_the_page_plays_scrubs_and_tells_in_a_browser(tmp_path, dimension):
-    folder, history = save(tmp_path / "run", dimension)
+def test_the_page_plays_scrubs_and_tells_in_a_browser(tmp_path, dimension, offset):
+    folder, history = save(tmp_path / "run", dimension, change=moved(offset))
     page = write_animation(folder, tmp_path / "page.html")
     text = page.read_text(encoding="utf-8")
     assert not re.search(r"(src|href)\s*=|https?://|@import|url\(", text)  # nothing from elsewhere

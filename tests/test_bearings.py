@@ -6,6 +6,7 @@ from gbt_ocp.models.bearings import (
     DesiredBearing,
     condition_number,
     cumulative_bearing_matrix,
+    log_map,
     rotate_bearing,
     tangent_basis,
     unit_bearing,
@@ -56,6 +57,50 @@ def test_tangent_basis_in_space_is_the_smallest_rotation_of_e_x_and_e_y():
         axis = np.cross([0.0, 0.0, 1.0], b)
         turn = Rotation.from_rotvec(axis / np.linalg.norm(axis) * np.arccos(b[2])).as_matrix()
         np.testing.assert_allclose(tangent_basis(b), turn[:, :2], atol=1e-12)
+
+
+def test_the_log_map_in_the_plane_is_the_argument_of_a_quotient_of_complex_numbers():
+    expected, measured = random_bearings(2), random_bearings(2, seed=1)
+    quotient = (measured[:, 0] + 1j * measured[:, 1]) / (expected[:, 0] + 1j * expected[:, 1])
+    np.testing.assert_allclose(log_map(expected, measured)[:, 0], np.angle(quotient), atol=1e-14)
+
+
+def test_the_log_map_in_space_is_the_rotation_of_a_quaternion():
+    """The smallest rotation from one bearing to the other has the quaternion (e × m, 1 + e·m)."""
+    expected, measured = random_bearings(3), random_bearings(3, seed=1)
+    quaternions = np.column_stack([np.cross(expected, measured), 1.0 + np.sum(expected * measured, axis=1)])
+    turns = Rotation.from_quat(quaternions).as_rotvec()
+    along = np.einsum("kij,kj->ki", tangent_basis(expected), log_map(expected, measured))
+    np.testing.assert_allclose(along, np.cross(turns, expected), atol=1e-12)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("size", [0.0, 1e-300, 1e-12, 1e-8, 1e-3, 1.0, 3.0, np.pi - 1e-6])
+def test_the_log_map_is_the_inverse_of_a_turn_at_every_angle(dimension, size):
+    bearings = random_bearings(dimension)
+    angle = size * random_bearings(dimension - 1, seed=2) if dimension == 3 else np.full((200, 1), -size)
+    found = log_map(bearings, rotate_bearing(bearings, angle))
+    # bearings are rounded to 1e-16; near a half turn that is a large part of their distance from opposite
+    np.testing.assert_allclose(found, angle, rtol=1e-12, atol=1e-15 / np.sinc(size / np.pi))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_opposite_bearings_are_half_a_turn_apart(dimension):
+    axes = np.concatenate([np.eye(dimension), -np.eye(dimension)])
+    np.testing.assert_array_equal(np.linalg.norm(log_map(axes, -axes), axis=1), np.pi)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_log_map_broadcasts_and_takes_a_basis(dimension):
+    expected, measured = random_bearings(dimension, 4), random_bearings(dimension, 5, seed=1)
+    table = log_map(expected[:, None], measured[None], tangent_basis(expected)[:, None])
+    assert table.shape == (4, 5, dimension - 1)
+    np.testing.assert_allclose(table[2, 3], log_map(expected[2], measured[3]), atol=1e-15)
+
+
+def test_the_log_map_of_no_number_is_no_number():
+    assert np.isnan(log_map([0.0, 0.0, 1.0], [np.nan, 0.0, 1.0])).any()
+    assert np.isnan(log_map([1.0, 0.0], [np.nan, 0.0])).all()
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-320, 1e-200, 1e-12, 1e-8, 1e-4, 1e-2])

@@ -5,7 +5,7 @@ import json
 import re
 import shutil
 import subprocess
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields, replace
 from types import SimpleNamespace
 
 import casadi as ca
@@ -20,6 +20,7 @@ from gbt_ocp.models.vehicles import PlanarPointMass
 from gbt_ocp.ocp import KeepOut, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.codegen.library import build_library, find_compiler, kernel_files
+from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.problem_source import generate_problem
 from gbt_ocp.ocp.export.folder import write_c
 from gbt_ocp.ocp.export.ipopt_source import write_ipopt_folder
@@ -126,10 +127,26 @@ def test_float_is_one_typedef_away(folder, tmp_path):
 
 def test_options_travel_into_the_generated_solver(tmp_path):
     folder = write_c(Planner(fossen(2, "hard"), "compiled", {"deadline": 77, "gap": 1e-4}), tmp_path / "planner")
-    text = (folder / "src" / "gbt_solver.c").read_text()
-    assert "settings->deadline = 77;" in text
-    assert "settings->gap = 0.0001;" in text
+    text = (folder / "src" / "gbt_problem.h").read_text()
+    assert ".deadline = 77" in text
+    assert ".gap = (gbt_real)0.0001" in text
     assert verify_folder(folder).faults == ()
+
+
+@pytest.mark.parametrize("pieces", [5, 12])
+def test_the_kernel_s_default_settings_are_those_of_the_options(pieces):
+    class Settings(ctypes.Structure):
+        _fields_ = [
+            (option.name, {"int": ctypes.c_int, "float": ctypes.c_double}[option.type])
+            for option in fields(CompiledOptions)
+        ]
+
+    problem = replace(fossen(2, "hard"), pieces=pieces)
+    for options in (CompiledOptions.checked({}, pieces), CompiledOptions(3e-5, 1e-3, 1e-7, 2e-2, 5e-3, 20.0, 31, 57)):
+        library = ctypes.CDLL(str(build_library(kernel_files() | generate_problem(problem, options).files)))
+        settings = Settings()
+        library.gbt_default_settings(ctypes.byref(settings))
+        assert {name: getattr(settings, name) for name, _ in Settings._fields_} == asdict(options)
 
 
 def test_nothing_is_overwritten_and_nothing_half_written(tmp_path):

@@ -22,8 +22,9 @@ from gbt_ocp.ocp.check import LimitCheck
 from gbt_ocp.ocp.codegen import library as building
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_source
 from gbt_ocp.ocp.codegen.library import CompilerError, build_library, find_compiler
+from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.solvers.choice import make_solver
-from gbt_ocp.ocp.solvers.compiled import CompiledOptions, CompiledSolver
+from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
 from gbt_ocp.ocp.transcription import input_scale, transcribe
 

@@ -14,7 +14,7 @@ from gbt_ocp.tracking.displacement.rows import linearised
 from gbt_ocp.tracking.mixture import ASTRAY, MixtureTracker, log_density, velocity_scale
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal
-from gbt_ocp.tracking.protocol import Forecast
+from gbt_ocp.tracking.protocol import Forecast, mixed
 from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
 
 SIGMA = np.deg2rad(1.0)
@@ -52,6 +52,28 @@ def fed(tracker, times, target, own, seed=0, missed=0.0, after=lambda k: None):
             tracker.update(float(t), rotate_bearing(unit_bearing(target[k], own[k]), turn), own[k])
         after(k)
     return tracker
+
+
+# ---- moments ----------------------------------------------------------------------------------------------------
+
+
+def test_the_moments_of_a_mixture_are_those_of_its_second_moments():
+    """``Σ = Σ w (Σ_m + μ_m μ_mᵀ) - μ μᵀ``, one mixture at a time; the axes in between broadcast."""
+    rng = np.random.default_rng(0)
+    means, roots = rng.standard_normal((4, 5, 3)), rng.standard_normal((4, 5, 3, 3))
+    covariances = roots @ np.swapaxes(roots, -1, -2)
+    weights = rng.uniform(0.1, 1.0, (4, 5))
+    for given, others in ((weights, slice(None)), (weights[:, 0], slice(None)), (weights, slice(0, 1))):
+        share = given / given.sum(axis=0)
+        mean, covariance = mixed(share, means[:, others], covariances[:, others])
+        for k in range(5):
+            w = share[:, k] if share.ndim == 2 else share
+            j = k if others == slice(None) else 0
+            expected = sum(w[m] * means[m, j] for m in range(4))
+            second = sum(w[m] * (covariances[m, j] + np.outer(means[m, j], means[m, j])) for m in range(4))
+            np.testing.assert_allclose(mean[k], expected, rtol=1e-12)
+            np.testing.assert_allclose(covariance[k], second - np.outer(expected, expected), rtol=1e-10, atol=1e-12)
+    np.testing.assert_array_equal(covariance, np.swapaxes(covariance, -1, -2))
 
 
 # ---- evidence -------------------------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from gbt_ocp.guidance.startup import CrossFirst
 from gbt_ocp.guidance.target_limits import RangeLimits
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
-from gbt_ocp.models.targets import TurningTarget
+from gbt_ocp.models.turning import TurningTarget
 from gbt_ocp.models.vehicles import PlanarPointMass
 from gbt_ocp.ocp.solvers.base import options_for
 from gbt_ocp.simulation.loop import simulate

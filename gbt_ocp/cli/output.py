@@ -45,8 +45,9 @@ def show(text: object = "") -> None:
         raise
     except OSError as fault:
         leave_standard_output()
+        reason = fault.strerror or fault
         raise OutputError(
-            f"standard output: found that it cannot be written ({fault}); allowed: a writable file"
+            f"standard output: found a file that cannot be written ({reason}); allowed: another"
         ) from None
 
 

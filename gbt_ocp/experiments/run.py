@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import warnings
 from collections.abc import Iterable, Mapping
@@ -31,8 +32,8 @@ from gbt_ocp.simulation.summary import installed_versions, summarise
 def stalling_penalties(guidance: Guidance) -> list[str]:
     """Warnings, one a penalty whose kink is so stiff that Newton's method stalls on it.
 
-    Only IPOPT with the penalty as printed follows the kink itself; the elastic form and the compiled solver are told
-    it as inequalities and do not stall, however narrow it is (``gbt-ocp compare`` measures both).
+    Only IPOPT with the penalty as printed follows the kink itself; the elastic form and the compiled solver get it as
+    inequalities and do not stall, however narrow it is (``gbt-ocp compare`` measures both).
     """
     planner = planner_of(guidance)
     if not isinstance(planner, Planner) or not getattr(planner.solver, "prints_penalty", False):
@@ -107,7 +108,8 @@ def run(
 
         def after_step(step: int, error: float, solver_time: float) -> None:
             check()
-            bar.set_postfix_str(f"error {error:.4f} m, solver {1e3 * solver_time:.1f} ms", refresh=False)
+            solver = f", solver {1e3 * solver_time:.1f} ms" if math.isfinite(solver_time) else ""
+            bar.set_postfix_str(f"error {error:.4f} m{solver}", refresh=False)
             bar.update()
 
         recording = simulate(loop, start, configuration.duration_s, after_step)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.sizes import positive
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.typing import Array
 
@@ -32,13 +33,16 @@ class PacedBearing:
         The bearing at full pace.
     speed
         Speed in m/s that going round the target may ask for.
+
+    Raises
+    ------
+    ValueError
+        If the speed is not above 0.
     """
 
     def __init__(self, desired: DesiredBearing, speed: float) -> None:
-        if not speed > 0.0:
-            raise ValueError(f"speed: found {speed}; allowed: a number > 0")
         self._desired = desired
-        self._speed = speed / (1.0 if desired.dimension == 2 else np.sqrt(6.0) / 3.0)
+        self._speed = positive("speed", speed) / (1.0 if desired.dimension == 2 else np.sqrt(6.0) / 3.0)
         self._time = 0.0
         self._phase = 0.0
         self._pace = 1.0
@@ -116,7 +120,14 @@ def circling_speed(vehicle: Vehicle, radius: float, share: float = 1.0) -> float
         Of the circle, in metres.
     share
         γ, the part of the limits that may be used.
+
+    Raises
+    ------
+    ValueError
+        If the radius or the share is not above 0.
     """
+    positive("radius", radius)
+    positive("share", share)
     thrust, size, d = thrust_of(vehicle), vehicle.flat_dimension, vehicle.position_dimension
 
     def load(speed: float) -> float:

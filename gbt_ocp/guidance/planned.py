@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.past import PastBearings
 from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.sizes import at_least
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.shooting import ShootingPlanner
@@ -42,6 +43,11 @@ class PlannedMotion:
         Where bearings are kept for an objective that counts those of the window.
     joint
         What the tracker knows of the positions at the endpoints together, for an objective that needs it.
+
+    Raises
+    ------
+    ValueError
+        If ``steps`` or ``stride`` is not a whole number from 1 on.
     """
 
     def __init__(
@@ -57,8 +63,8 @@ class PlannedMotion:
     ) -> None:
         self.planner = planner
         self.desired = desired
-        self._steps = steps
-        self._stride = stride or steps
+        self._steps = at_least("steps", steps, 1)
+        self._stride = at_least("stride", steps if stride is None else stride, 1)
         self._begin_at_sight = begin_at_sight
         self._past = past
         self._joint = joint

@@ -10,6 +10,7 @@ from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.sizes import not_negative, positive, vector
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import Planner
@@ -38,7 +39,7 @@ class CrossFirst:
     vehicle
         Its thrust limits are obeyed.
     period
-        T in seconds, over which a wished velocity is brought about.
+        T in seconds, over which a velocity is brought about.
     axis
         About which the desired bearing turns, in space.
     deviation
@@ -49,6 +50,11 @@ class CrossFirst:
         Part of the speed that leads away from the target, in m/s.
     leg
         Time in seconds after which the vehicle crosses the other way.
+
+    Raises
+    ------
+    ValueError
+        If deviation, speed or leg are not above 0, ``opening`` is below 0 or not below the speed, or the axis is zero.
     """
 
     def __init__(
@@ -63,11 +69,15 @@ class CrossFirst:
         opening: float,
         leg: float,
     ) -> None:
-        if not opening < speed:
+        positive("deviation", deviation)
+        positive("speed", speed)
+        positive("leg", leg)
+        if not not_negative("opening", opening) < speed:
             raise ValueError(f"guidance.startup_opening: found {opening}; allowed: a number < startup_speed = {speed}")
         self.planned = planned
         self._dynamics = InverseDynamics(vehicle, period)
-        self._axis = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+        self._axis = vector("axis", axis, 3)
+        self._axis /= positive("length of axis", float(np.linalg.norm(self._axis)))
         self._deviation = deviation
         self._opening = opening
         self._across = float(np.sqrt(speed**2 - opening**2))

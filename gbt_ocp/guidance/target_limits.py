@@ -15,6 +15,7 @@ import numpy as np
 from scipy.stats import norm
 
 from gbt_ocp.guidance.objectives import NEAR
+from gbt_ocp.models.sizes import positive
 from gbt_ocp.ocp.terms import Moments, needed
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.typing import Array
@@ -53,12 +54,13 @@ class RangeLimits:
         Probability in [0.5, 1) of each of the two.
     foresee
         Whether later knots have the spread of the forecast, which no further bearing narrows; or else that of the
-        present, since a plan made anew every piece is executed only as far as its first one.
+        present, since only the first piece of a plan is executed before the next plan is made.
 
     Raises
     ------
     ValueError
-        If there is no limit at all, the limits exclude each other, or the confidence lies outside [0.5, 1).
+        If there is no limit at all, one is not above 0, they exclude each other, or the confidence lies outside
+        [0.5, 1).
     """
 
     name: ClassVar[str] = "range"
@@ -72,6 +74,9 @@ class RangeLimits:
     def __post_init__(self) -> None:
         if self.nearest is None and self.farthest is None:
             raise ValueError("nearest: found None beside farthest None; allowed: a number for one of them")
+        for name in ("nearest", "farthest"):
+            if getattr(self, name) is not None:
+                positive(name, getattr(self, name))
         if self.nearest is not None and self.farthest is not None and not self.nearest < self.farthest:
             raise ValueError(f"nearest: found {self.nearest}; allowed: a number below farthest, {self.farthest}")
         if not 0.5 <= self.confidence < 1.0:

@@ -4,13 +4,15 @@ from gbt_ocp.models.bearings import (
     DesiredBearing,
     condition_number,
     cumulative_bearing_matrix,
+    log_map,
     rotate_bearing,
     tangent_basis,
     unit_bearing,
 )
 from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenParameters, FossenVehicle
 from gbt_ocp.models.sensors import BearingSensor
-from gbt_ocp.models.targets import MotionTarget, Target, TrackTarget, TurningTarget, case_target
+from gbt_ocp.models.targets import MotionTarget, Target, TrackTarget, case_target
+from gbt_ocp.models.turning import TurningTarget
 from gbt_ocp.models.vehicles import PlanarPointMass, Unicycle, Vehicle, acceleration
 
 __all__ = [
@@ -31,6 +33,7 @@ __all__ = [
     "case_target",
     "condition_number",
     "cumulative_bearing_matrix",
+    "log_map",
     "rotate_bearing",
     "tangent_basis",
     "unit_bearing",

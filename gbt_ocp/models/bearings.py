@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.sizes import vector
 from gbt_ocp.typing import Array
 
 
@@ -99,6 +100,39 @@ def rotate_bearing(bearing: ArrayLike, angle: ArrayLike) -> Array:
     return np.asarray(turned / np.linalg.norm(turned, axis=-1, keepdims=True))
 
 
+def log_map(expected: ArrayLike, measured: ArrayLike, basis: ArrayLike | None = None) -> Array:
+    """The angle from an expected to a measured bearing: the logarithm map of the circle or the sphere.
+
+    It is the inverse of :func:`rotate_bearing`: turning the expected bearing by it gives the measured one. Its length
+    is the angle between the two, from 0 to π. The ratio of an angle to its sine is 1 where the sine is zero. Opposite
+    bearings have an angle of π in every direction; the first axis of the basis is taken.
+
+    Parameters
+    ----------
+    expected, measured
+        Unit vectors ``(..., d)`` with d = 2 or 3; their leading axes broadcast against each other.
+    basis
+        The tangent bases ``(..., d, d-1)`` of the expected bearings, for a caller that has them; by default those of
+        :func:`tangent_basis`.
+
+    Returns
+    -------
+    Angles ``(..., d-1)`` in radians along the columns of the basis; not a number where a bearing is not.
+    """
+    e, m = np.asarray(expected, dtype=float), np.asarray(measured, dtype=float)
+    axes = tangent_basis(e) if basis is None else np.asarray(basis, dtype=float)
+    across = np.einsum("...ij,...i->...j", axes, m)
+    cosine = np.einsum("...i,...i->...", e, m)
+    if across.shape[-1] == 1:
+        return np.asarray(np.arctan2(across, cosine[..., None]))
+    sine = np.hypot(across[..., 0], across[..., 1])
+    parallel = sine == 0.0
+    angle = np.arctan2(sine, cosine)
+    turned = across * np.where(parallel, 1.0, angle / np.where(parallel, 1.0, sine))[..., None]
+    turned[..., 0] = np.where(parallel & (cosine < 0.0), np.pi, turned[..., 0])
+    return np.asarray(turned)
+
+
 def cumulative_bearing_matrix(bearings: ArrayLike) -> Array:
     """P = Σ (I - λ λᵀ) over the bearings ``(K, d)`` of a window (``eq20``); returns ``(d, d)``."""
     b = np.atleast_2d(np.asarray(bearings, dtype=float))
@@ -130,6 +164,11 @@ class DesiredBearing:
         λ_0 of the paper, the preset direction in 3D ``(3,)``; normalised here. Ignored in 2D.
     phase
         Angle on the circle at t = 0 in radians; zero in the paper.
+
+    Raises
+    ------
+    ValueError
+        If the dimension is neither 2 nor 3, the axis is zero, or a number is not finite.
     """
 
     dimension: int
@@ -140,7 +179,8 @@ class DesiredBearing:
     def __post_init__(self) -> None:
         if self.dimension not in (2, 3):
             raise ValueError(f"dimension must be 2 or 3, found {self.dimension}")
-        if self.dimension == 3 and not np.linalg.norm(self.axis) > 0.0:
+        vector("rate and phase", (self.rate, self.phase), 2)
+        if self.dimension == 3 and not np.any(vector("axis", self.axis, 3)):
             raise ValueError(f"axis must not be zero, found {self.axis}")
 
     def __call__(self, times: ArrayLike) -> Array:

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.sizes import not_negative, vector
 from gbt_ocp.typing import Array
 
 DRAG_SMOOTHING = 1.0e-4
@@ -46,6 +47,12 @@ class FossenParameters:
         X_u, Y_v, (Z_w,) N_r in N s/m and N m s.
     quadratic_drag
         D_u, D_v, (D_w,) D_r in N s²/m² and N m s².
+
+    Raises
+    ------
+    ValueError
+        If the sequences differ in length, a number is not finite, a drag is below 0, or mass less added mass is not
+        above it.
     """
 
     mass: float
@@ -60,7 +67,10 @@ class FossenParameters:
             raise ValueError(
                 f"added_mass, linear_drag and quadratic_drag must all have 3 or all 4 entries, found {sorted(sizes)}"
             )
-        if not np.all(self.inertia_diagonal > 0.0):
+        for name in ("linear_drag", "quadratic_drag"):
+            for value in getattr(self, name):
+                not_negative(name, value)
+        if not np.all((self.inertia_diagonal > 0.0) & np.isfinite(self.inertia_diagonal)):
             raise ValueError(f"mass minus added mass must be positive, found {self.inertia_diagonal.tolist()}")
 
     @property
@@ -103,9 +113,7 @@ class FossenVehicle:
         self.parameters = parameters
         self.flat_dimension = len(parameters.added_mass)
         self.position_dimension = self.flat_dimension - 1
-        self.thrust_max = np.array(thrust_max, dtype=float)
-        if self.thrust_max.shape != (self.flat_dimension,) or not np.all(self.thrust_max > 0.0):
-            raise ValueError(f"thrust_max must be {self.flat_dimension} positive numbers, found {thrust_max!r}")
+        self.thrust_max = vector("thrust_max", thrust_max, self.flat_dimension, above_zero=True)
         self._inertia = parameters.inertia_diagonal
         self._linear_drag = np.asarray(parameters.linear_drag, dtype=float)
         self._quadratic_drag = np.asarray(parameters.quadratic_drag, dtype=float)

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.sizes import not_negative, positive, vector
 from gbt_ocp.typing import Array
 
 
@@ -90,14 +91,19 @@ class PlanarPointMass:
         c in N s/m.
     thrust_max
         Limit of the force on each axis in N ``(2,)``.
+
+    Raises
+    ------
+    ValueError
+        If mass or limits are not above 0, or the drag is below it.
     """
 
     position_dimension = 2
     flat_dimension = 2
 
     def __init__(self, mass: float = 1.0, drag: float = 0.0, thrust_max: ArrayLike = (1.0, 1.0)) -> None:
-        self.mass, self.drag = float(mass), float(drag)
-        self.thrust_max = np.array(thrust_max, dtype=float)
+        self.mass, self.drag = float(positive("mass", mass)), float(not_negative("drag", drag))
+        self.thrust_max = vector("thrust_max", thrust_max, 2, above_zero=True)
         self.acceleration_scale = self.thrust_max / self.mass
 
     def inputs(self, z: Any, dz: Any, ddz: Any) -> Any:
@@ -139,14 +145,19 @@ class Unicycle:
         Limits of acceleration (m/s²) and turn rate (rad/s) ``(2,)``.
     slow_speed
         v_0 in m/s.
+
+    Raises
+    ------
+    ValueError
+        If a number is not above 0.
     """
 
     position_dimension = 2
     flat_dimension = 2
 
     def __init__(self, thrust_max: ArrayLike = (1.0, 1.0), slow_speed: float = 0.01) -> None:
-        self.thrust_max = np.array(thrust_max, dtype=float)
-        self.slow_speed = float(slow_speed)
+        self.thrust_max = vector("thrust_max", thrust_max, 2, above_zero=True)
+        self.slow_speed = float(positive("slow_speed", slow_speed))
         self.acceleration_scale = np.full(2, self.thrust_max[0])
 
     def inputs(self, z: Any, dz: Any, ddz: Any) -> Any:

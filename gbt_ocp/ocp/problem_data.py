@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from gbt_ocp.models.sizes import at_least, positive
 from gbt_ocp.models.vehicles import Vehicle
-from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective
+from gbt_ocp.ocp.terms import Constraint, JointObjective, Objective, is_believed
 
 
 @dataclass(frozen=True)
@@ -51,13 +52,11 @@ class ProblemData:
     penalties: tuple[PenaltyLimit, ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
-        for name, value, least in (("pieces", self.pieces, 1), ("degree", self.degree, 2)):
-            if value < least:
-                raise ValueError(f"{name} must be at least {least}, found {value}")
-        if self.continuity is not None and not 1 <= self.continuity < self.degree:
-            raise ValueError(f"continuity must be from 1 to degree - 1 = {self.degree - 1}, found {self.continuity}")
-        if not self.period > 0.0:
-            raise ValueError(f"period must be positive, found {self.period}")
+        at_least("pieces", self.pieces, 1)
+        at_least("degree", self.degree, 2)
+        if self.continuity is not None and at_least("continuity", self.continuity, 1) >= self.degree:
+            raise ValueError(f"continuity: found {self.continuity}; allowed: at most degree - 1 = {self.degree - 1}")
+        positive("period", self.period)
 
     @property
     def joined(self) -> int:
@@ -81,5 +80,5 @@ class ProblemData:
         Not so a penalty on what is only believed: a forecast may jump so that no plan keeps a distance from it, and
         then the plan that does its best is better than none.
         """
-        soft = (not isinstance(limit.constraint, MovingConstraint) for limit in self.penalties)
+        soft = (not is_believed(limit.constraint) for limit in self.penalties)
         return (*(True for _ in self.hard), *soft)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.problem_data import ProblemData
-from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective
+from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective, is_believed
 from gbt_ocp.ocp.trajectory import FlatPoint, propagate
 from gbt_ocp.typing import Array
 
@@ -140,10 +140,10 @@ CLASS_RATIO = 10.0
 
 def limit_class(problem: ProblemData, constraint: Constraint) -> LimitClass:
     """The class of a constraint, which follows from what it depends on."""
-    if isinstance(constraint, MovingConstraint):
+    if is_believed(constraint):
         return LimitClass.BELIEVED
     point = point_symbols(problem.vehicle.flat_dimension)
-    moved = ca.depends_on(ca.SX(ca.vertcat(constraint.value(point))), point.ddz)
+    moved = ca.depends_on(ca.SX(ca.vertcat(constraint_value(constraint, point, ca.SX(0, 1)))), point.ddz)
     return LimitClass.THRUST if moved else LimitClass.CERTAIN
 
 

@@ -14,6 +14,9 @@ from gbt_ocp.files import packaged_text
 from gbt_ocp.reporting.scene import Scene
 from gbt_ocp.simulation.calibration import region_radius
 
+SCRIPTS = ("camera.js", "run.js", "pictures.js", "player.js")
+"""Parts of the script, in the order in which they use each other."""
+
 
 def _text(name: str) -> str:
     return packaged_text("gbt_ocp.reporting", "player", name)
@@ -22,8 +25,9 @@ def _text(name: str) -> str:
 def animation_page(scene: Scene) -> str:
     """The page, complete: markup, style, script and data.
 
-    The script draws on a canvas: whole run or around the target, in space from any side. Arrays are 32-bit floats in
-    base64, which keep seven digits and NaN.
+    The script draws on a canvas: the run as a whole or around the target, in space from any side. Times and positions
+    are 64-bit floats in base64, which keep a millimetre of a map coordinate; what is read to three digits is 32-bit
+    floats.
     """
     # "</" would end the script element in the middle of a text.
     data = json.dumps(_data(scene), ensure_ascii=False).replace("</", "<\\/")
@@ -32,7 +36,7 @@ def animation_page(scene: Scene) -> str:
         ("{{title}}", html.escape(scene.title)),
         ("{{style}}", _text("player.css")),
         ("{{data}}", data),
-        ("{{script}}", _text("camera.js") + _text("player.js")),
+        ("{{script}}", "".join(map(_text, SCRIPTS))),
     ):
         page = page.replace(mark, text)
     return page
@@ -58,15 +62,15 @@ def _data(scene: Scene) -> dict[str, Any]:
         "statusWords": [str(word) for word in words],
         "fallback": [str(word) for word in history.fallback],
         "arrays": {
-            "t": _packed(history.t),
-            "target": _packed(history.target),
-            "vehicle": _packed(scene.vehicle),
+            "t": _packed(history.t, 64),
+            "target": _packed(history.target, 64),
+            "vehicle": _packed(scene.vehicle, 64),
             "yaw": _packed(history.vehicle_pose[:, d]),
             "bearing": _packed(history.bearing),
-            "mean": _packed(history.forecast_mean),
+            "mean": _packed(history.forecast_mean, 64),
             # xx, xy, yy in the plane; xx, xy, xz, yy, yz, zz in space
             "covariance": _packed(history.forecast_cov[:, :, rows, columns]),
-            "plan": _packed(scene.plan),
+            "plan": _packed(scene.plan, 64),
             "error": _packed(history.error),
             "meanError": _packed(history.mean_error),
             "distance": _packed(scene.distance),
@@ -77,5 +81,7 @@ def _data(scene: Scene) -> dict[str, Any]:
     }
 
 
-def _packed(values: NDArray[Any]) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
+def _packed(values: NDArray[Any], bits: int = 32) -> tuple[int, str]:
+    """Size of a float, and the floats in base64."""
+    data = np.ascontiguousarray(values, dtype=f"<f{bits // 8}").tobytes()
+    return bits, base64.b64encode(data).decode("ascii")

@@ -8,7 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
-from gbt_ocp.models.bearings import tangent_basis
+from gbt_ocp.models.bearings import log_map
 from gbt_ocp.tracking.protocol import Tracker, relative_range_std
 from gbt_ocp.typing import Array
 
@@ -71,14 +71,14 @@ def _followed(
 
 
 def _angle_from(line: Array, bearing: Array) -> Array:
-    """Angle from a line of sight to a bearing, along the tangent plane of the line ``(d-1,)`` in radians."""
+    """Angle from a line of sight to a bearing, along the tangent plane of the line ``(d-1,)`` in radians.
+
+    It is not a number where the line has no direction.
+    """
     distance = float(np.linalg.norm(line))
     if not distance > 0.0 or not np.isfinite(distance):
         return np.full(len(line) - 1, np.nan)
-    unit = line / distance
-    tangent = tangent_basis(unit).T @ bearing
-    sine = float(np.linalg.norm(tangent))
-    return np.asarray(tangent * (np.arctan2(sine, unit @ bearing) / sine if sine > 1e-12 else 1.0))
+    return log_map(line / distance, bearing)
 
 
 @dataclass(frozen=True)

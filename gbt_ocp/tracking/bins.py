@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gbt_ocp.models.bearings import tangent_basis
+from gbt_ocp.models.bearings import log_map
 from gbt_ocp.tracking.window import checked_sample
 from gbt_ocp.typing import Array
 
@@ -194,10 +194,7 @@ class BearingBins:
         one = self._bins[-1]
         if expected is None:
             expected = one.rows[0][1 : 1 + len(b)] if one.rows else b
-        tangent = b @ tangent_basis(expected)
-        sine = float(np.linalg.norm(tangent))
-        angle = np.arctan2(sine, float(b @ expected))
-        one.add(np.concatenate([[t], b, own]), tangent * (angle / sine if sine > 1e-9 else 1.0), suspect)
+        one.add(np.concatenate([[t], b, own]), log_map(expected, b), suspect)
         self._latest = t
         self.forget_before(t - self.window)
 

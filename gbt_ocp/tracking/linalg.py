@@ -1,4 +1,4 @@
-"""Cholesky factors of many symmetric matrices of the same size, straight by LAPACK.
+"""Symmetric matrices: Cholesky factors, solutions and inverses, directly by LAPACK.
 
 numpy solves and inverts by a general factorisation, which takes twice the operations and several times the time.
 """
@@ -9,6 +9,11 @@ import numpy as np
 from scipy.linalg import lapack
 
 from gbt_ocp.typing import Array
+
+
+def symmetric(matrix: Array) -> Array:
+    """Mean of the matrices ``(..., n, n)`` and their transposes."""
+    return np.asarray(0.5 * (matrix + np.swapaxes(matrix, -1, -2)))
 
 
 def cholesky_factors(matrices: Array) -> Array:

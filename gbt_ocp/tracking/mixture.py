@@ -212,4 +212,5 @@ class MixtureTracker:
         weights = self.weights if self.motion.range_observable else np.array([1.0, 0.0])
         parts = [(w, part) for w, part in zip(weights, both, strict=True) if w > NEGLIGIBLE]
         weights = np.array([w for w, _ in parts])
-        return mixed(weights / weights.sum(), [part.predict(at) for _, part in parts])
+        forecasts = [part.predict(at) for _, part in parts]
+        return Forecast(*mixed(weights / weights.sum(), *map(np.array, zip(*forecasts, strict=True))))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
+from gbt_ocp.tracking.gp.kernels import ornstein_uhlenbeck
 from gbt_ocp.typing import Array
 
 SURE_OF_SCATTER = 20
@@ -56,8 +57,8 @@ class BearingNoise:
 
     def correlated(self, times: Array) -> Array:
         """Covariance of the correlated part at the times ``(N,)`` in seconds: ``(N, N)`` in rad²."""
-        lag = np.abs(times[:, None] - times[None, :])
-        return np.asarray(self.correlated_std**2 * np.exp(-lag / self.correlation_time))
+        lag = (times[:, None] - times[None, :]) / self.correlation_time
+        return np.asarray(self.correlated_std**2 * ornstein_uhlenbeck(lag))
 
     def covariance(self, means: BinnedBearings, ranges: Array, white_variance: float | None = None) -> Array:
         """R of the mean bearings along each direction of the tangent plane, in rad².

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.tracking.linalg import symmetric
 from gbt_ocp.typing import Array
 
 
@@ -26,17 +26,28 @@ class Forecast(NamedTuple):
     covariance: Array
 
 
-def mixed(weights: Array, forecasts: Sequence[Forecast]) -> Forecast:
-    """Mean and covariance of a mixture of B forecasts with the weights ``(B,)``, which sum to one.
+def mixed(weights: Array, means: Array, covariances: Array) -> tuple[Array, Array]:
+    """Mean and covariance of mixtures of M Gaussians.
 
-    By total expectation and covariance: ``μ = Σ w_i μ_i``, ``Σ = Σ w_i (Σ_i + (μ_i - μ)(μ_i - μ)ᵀ)``.
+    By total expectation and covariance: ``μ = Σ w_m μ_m``, ``Σ = Σ w_m (Σ_m + (μ_m - μ)(μ_m - μ)ᵀ)``.
+
+    Parameters
+    ----------
+    weights
+        ``(M, ...)``; they sum to one over the first axis.
+    means, covariances
+        ``(M, ..., n)`` and ``(M, ..., n, n)``. The axes between the first and the last broadcast against those of the
+        weights.
+
+    Returns
+    -------
+    Mean ``(..., n)`` and covariance ``(..., n, n)``, symmetric.
     """
-    means = np.array([forecast.mean for forecast in forecasts])
-    mean = np.tensordot(weights, means, axes=1)
+    mean = np.einsum("m...,m...i->...i", weights, means)
     apart = means - mean
-    covariance = np.tensordot(weights, np.array([forecast.covariance for forecast in forecasts]), axes=1)
-    covariance += np.einsum("b,bki,bkj->kij", weights, apart, apart)
-    return Forecast(mean, covariance)
+    covariance = np.einsum("m...,m...ij->...ij", weights, covariances)
+    covariance += np.einsum("m...,m...i,m...j->...ij", weights, apart, apart)
+    return mean, symmetric(covariance)
 
 
 class JointForecast(NamedTuple):

@@ -38,7 +38,7 @@ from gbt_ocp.models.fossen import FossenVehicle as Fossen
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target, case_target
 from gbt_ocp.models.targets import TrackTarget as RecordedTarget
-from gbt_ocp.models.targets import TurningTarget as RandomTurns
+from gbt_ocp.models.turning import TurningTarget as RandomTurns
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp import Planner, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.problem_data import joined_derivatives

@@ -11,6 +11,8 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 
 import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
 
 from gbt_ocp.files import packaged_text
 
@@ -98,7 +100,7 @@ def _refuse_unknown(name: str, body: str, operators: Mapping[str, str]) -> None:
 
 def _definition(name: str, body: str) -> str:
     inputs = [f"x{i}" for i in range(ARGUMENTS)]
-    idle = "".join(f"  (void){x};\n" for x in inputs if not re.search(rf"\b{x}\[", body))
+    idle = "".join(f"  (void){x};\n" for x in (*inputs, "out") if not re.search(rf"\b{x}\[", body))
     arguments = ", ".join(f"const gbt_real *{x}" for x in inputs)
     kind = "" if name.startswith("gbt_") else "static "
     return f"{kind}void {name}({arguments}, gbt_real *out)\n{{{_plain(body).rstrip()}\n{idle}}}\n"
@@ -122,3 +124,18 @@ def _libm() -> frozenset[str]:
     """Functions of C99's libm that generated code may call: those that the kernel has in the planner's precision."""
     header = packaged_text("gbt_ocp.ocp", "kernel", "gbt_math.h")
     return frozenset(re.findall(r"#define gbt_(\w+) GBT_IN_PRECISION", header))
+
+
+def c_array(kind: str, name: str, values: ArrayLike, *, const: str = "static const") -> str:
+    """Definition of a constant array with one or two dimensions."""
+    found = np.asarray(values)
+    # C has no empty arrays: one zero stands for it, which is not read.
+    rows = found.reshape(-1, found.shape[-1]) if found.size else np.zeros((1, 1), dtype=int)
+    shape = f"[{len(rows)}][{rows.shape[1]}]" if found.ndim == 2 else f"[{rows.size}]"
+    blocks = []
+    for row in rows:
+        entries = [repr(value) for value in row.tolist()]
+        lines = [", ".join(entries[k : k + 12]) for k in range(0, len(entries), 12)]
+        blocks.append("    " + ",\n    ".join(lines))
+    body = "{\n" + "},\n{\n".join(blocks) + "}" if found.ndim == 2 else "\n" + blocks[0]
+    return f"{const} {kind} {name}{shape} = {{{body}}};\n"

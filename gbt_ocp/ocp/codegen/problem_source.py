@@ -9,11 +9,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gbt_ocp.models.vehicles import acceleration
 from gbt_ocp.ocp.check import FINE_POINTS
-from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_function, c_source
+from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_array, c_function, c_source
+from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, ProblemData
 from gbt_ocp.ocp.terms import Constraint, FromMoments, JointObjective, LimitFromMoments
 from gbt_ocp.ocp.trajectory import FlatPoint
@@ -57,8 +57,15 @@ class _Limit:
     curvature_entries: int
 
 
-def generate_problem(problem: ProblemData) -> GeneratedProblem:
+def generate_problem(problem: ProblemData, options: CompiledOptions | None = None) -> GeneratedProblem:
     """Derivatives by CasADi, tables and sizes.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    options
+        What ``gbt_default_settings`` gives; ``None`` for the defaults of :class:`CompiledOptions`.
 
     Raises
     ------
@@ -94,6 +101,7 @@ def generate_problem(problem: ProblemData) -> GeneratedProblem:
         fine=FINE_POINTS,
         moments=int(from_moments(problem)),
         present=int(from_moments(problem) and moving > 0),
+        settings=(options or CompiledOptions.checked({}, problem.pieces)).initialiser(),
     )
     functions = [*objective_functions, *(function for limit in limits for function in limit.functions)]
     functions += _published(problem)
@@ -118,7 +126,7 @@ def generate_problem(problem: ProblemData) -> GeneratedProblem:
 
 def from_moments(problem: ProblemData) -> bool:
     """Whether the moments of a forecast are all that the problem needs."""
-    return all(isinstance(term, FromMoments) for term in problem.objectives) and all(
+    return all(isinstance(term, FromMoments) or not term.shapes for term in problem.objectives) and all(
         isinstance(constraint, LimitFromMoments) for constraint in problem.constraints if limit_size(constraint)
     )
 
@@ -134,7 +142,7 @@ def _published(problem: ProblemData) -> list[ca.Function]:
     ]
     if from_moments(problem):
         mean, root, desired = ca.SX.sym("mean", d), ca.SX.sym("root", d, d), ca.SX.sym("desired", d)
-        stacked = []
+        stacked = [ca.SX(0, 1)]
         for term in problem.objectives:
             if isinstance(term, FromMoments):
                 values = term.from_moments(mean, root, desired)
@@ -152,21 +160,6 @@ def _published(problem: ProblemData) -> list[ca.Function]:
 
 def _split(point: ca.SX, size: int) -> FlatPoint:
     return FlatPoint(point[:size], point[size : 2 * size], point[2 * size :])
-
-
-def c_array(kind: str, name: str, values: ArrayLike, *, const: str = "static const") -> str:
-    """Definition of a constant array with one or two dimensions."""
-    found = np.asarray(values)
-    # An empty array is no C: one zero that nobody reads stands for it.
-    rows = found.reshape(-1, found.shape[-1]) if found.size else np.zeros((1, 1), dtype=int)
-    shape = f"[{len(rows)}][{rows.shape[1]}]" if found.ndim == 2 else f"[{rows.size}]"
-    blocks = []
-    for row in rows:
-        entries = [repr(value) for value in row.tolist()]
-        lines = [", ".join(entries[k : k + 12]) for k in range(0, len(entries), 12)]
-        blocks.append("    " + ",\n    ".join(lines))
-    body = "{\n" + "},\n{\n".join(blocks) + "}" if found.ndim == 2 else "\n" + blocks[0]
-    return f"{const} {kind} {name}{shape} = {{{body}}};\n"
 
 
 def _nonzeros(matrix: ca.SX) -> tuple[ca.SX, list[int], list[int]]:
@@ -308,6 +301,10 @@ GBT_BEGIN_C
 #define GBT_FINE_POINTS {fine}     /* points of a piece at which a finished trajectory is held against its limits */
 #define GBT_MOMENTS {moments}           /* whether the moments of a forecast are all that the problem needs */
 #define GBT_PRESENT {present}           /* 1 where its limits need them at the beginning of the plan too */
+
+/* the default settings of the solver: what a gbt_settings is initialised with */
+#define GBT_DEFAULT_SETTINGS \\
+    {settings}
 
 /* Which limits give for which, the last first, where they cannot all be kept: thrust never, those on what the vehicle
    knows of itself after those on what it believes of the target. */

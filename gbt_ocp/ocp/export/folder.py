@@ -18,10 +18,11 @@ import casadi as ca
 
 from gbt_ocp.files import packaged_text
 from gbt_ocp.ocp.codegen.library import find_compiler, kernel_files
+from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.problem_source import from_moments, generate_problem
 from gbt_ocp.ocp.export.vectors import record
 from gbt_ocp.ocp.planner import Planner
-from gbt_ocp.ocp.solvers.compiled import CompiledOptions, CompiledSolver
+from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 
 
 def free_folder(folder: str | Path) -> Path:
@@ -66,10 +67,9 @@ def write_c(planner: Planner, folder: str | Path, steps: Sequence[Mapping[str, A
     target = free_folder(folder)
     problem, options = planner.problem, planner.solver.options
     settings = CompiledOptions.checked(options, problem.pieces)
-    generated = generate_problem(problem).files
+    generated = generate_problem(problem, settings).files
     vectors = record(planner, steps)
     sources = {f"src/{name}": text for name, text in (kernel_files() | generated).items()}
-    sources["src/gbt_solver.c"] = _with_settings(sources["src/gbt_solver.c"], options)
     texts = sources | {"vectors.h": vectors.header} | {name: _template(name) for name in _VERBATIM}
     manifest = {
         "versions": {"gbt_ocp": version("gbt_ocp"), "casadi": ca.CasadiMeta.version()},
@@ -121,14 +121,6 @@ def _write(folder: Path, texts: Mapping[str, str]) -> None:
 
 def _define(header: str, name: str) -> int:
     return int(header.split(f"#define {name} ", 1)[1].split()[0])
-
-
-def _with_settings(solver: str, options: Mapping[str, Any]) -> str:
-    """The solver with these options as its default settings."""
-    for name, value in options.items():
-        before, after = solver.split(f"    settings->{name} = ", 1)
-        solver = f"{before}    settings->{name} = {value!r};{after.split(';', 1)[1]}"
-    return solver
 
 
 def _sizes(draft: Path, scratch: Path) -> dict[str, int | str | None]:

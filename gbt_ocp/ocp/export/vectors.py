@@ -11,7 +11,8 @@ import numpy as np
 
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.ocp.binding import Binding
-from gbt_ocp.ocp.codegen.problem_source import c_array, from_moments
+from gbt_ocp.ocp.codegen.expressions import c_array
+from gbt_ocp.ocp.codegen.problem_source import from_moments
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.solvers.compiled import STATUSES, moments_of_step

@@ -18,14 +18,8 @@ enum { STARTS = sizeof barrier_of_start / sizeof barrier_of_start[0] };
 
 void gbt_default_settings(gbt_settings *settings)
 {
-    settings->tolerance = (gbt_real)1e-4;
-    settings->gap = (gbt_real)4e-4;
-    settings->feasibility = (gbt_real)1e-6;
-    settings->barrier = (gbt_real)1e-2;
-    settings->warm_barrier = settings->barrier * (GBT_PIECES > 5 ? 25 / ((gbt_real)GBT_PIECES * GBT_PIECES) : 1);
-    settings->limit_weight = 10;
-    settings->iterations = GBT_PIECES > 5 ? 12 * GBT_PIECES : 60;
-    settings->deadline = 5 * settings->iterations;
+    static const gbt_settings defaults = GBT_DEFAULT_SETTINGS;
+    *settings = defaults;
 }
 
 size_t gbt_workspace_bytes(void) { return sizeof(gbt_workspace); }

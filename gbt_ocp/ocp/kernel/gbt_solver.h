@@ -87,7 +87,7 @@ typedef struct {
    instance with another tightening. */
 enum { GBT_COLD_START = 0, GBT_WARM = 1, GBT_AGAIN = 2 };
 
-/* Settings that suit the shipped problems. */
+/* GBT_DEFAULT_SETTINGS: the options with which the planner was generated. */
 void gbt_default_settings(gbt_settings *settings);
 
 /* Size of the workspace in bytes, for callers that do not see the struct. */

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.problem import TrajectoryProblem
 from gbt_ocp.ocp.solvers.base import Solution
-from gbt_ocp.ocp.solvers.compiled import CompiledOptions, CompiledSolver
+from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 from gbt_ocp.ocp.solvers.ipopt import ipopt_function, solution_of
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import transcribe

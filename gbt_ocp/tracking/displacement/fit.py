@@ -291,4 +291,5 @@ class Mixture:
     def predict(self, times: Array) -> Forecast:
         """Mean ``(K, d)`` and covariance ``(K, d, d)`` of the mixture at the times ``(K,)`` in seconds."""
         weights = np.array([weight for _, _, weight in self.parts])
-        return mixed(weights, [fit.predict(solution, times) for fit, solution, _ in self.parts])
+        forecasts = [fit.predict(solution, times) for fit, solution, _ in self.parts]
+        return Forecast(*mixed(weights, *map(np.array, zip(*forecasts, strict=True))))

@@ -18,7 +18,7 @@ from typing import Protocol
 import numpy as np
 from scipy.special import erf
 
-from gbt_ocp.tracking.gp.kernels import KERNELS, Kernel
+from gbt_ocp.tracking.gp.kernels import KERNELS, Kernel, matern32, ornstein_uhlenbeck, squared_exponential
 from gbt_ocp.typing import Array
 
 
@@ -60,7 +60,7 @@ class VelocitySquaredExponential(IntegratedKernel):
 
     def velocity(self, lag: Array, log_length: float) -> Array:
         """k_v at the lags."""
-        return np.asarray(np.exp(-0.5 * (lag * np.exp(-log_length)) ** 2))
+        return squared_exponential(lag * np.exp(-log_length))
 
     def twice_integrated(self, lag: Array, log_length: float) -> Array:
         """F at the lags."""
@@ -74,8 +74,7 @@ class VelocityMatern32(IntegratedKernel):
 
     def velocity(self, lag: Array, log_length: float) -> Array:
         """k_v at the lags."""
-        a = np.sqrt(3.0) * np.abs(lag) * np.exp(-log_length)
-        return np.asarray((1.0 + a) * np.exp(-a))
+        return matern32(lag * np.exp(-log_length))
 
     def twice_integrated(self, lag: Array, log_length: float) -> Array:
         """F at the lags."""
@@ -88,7 +87,7 @@ class VelocityOrnsteinUhlenbeck(IntegratedKernel):
 
     def velocity(self, lag: Array, log_length: float) -> Array:
         """k_v at the lags."""
-        return np.asarray(np.exp(-np.abs(lag) * np.exp(-log_length)))
+        return ornstein_uhlenbeck(lag * np.exp(-log_length))
 
     def twice_integrated(self, lag: Array, log_length: float) -> Array:
         """F at the lags."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gbt_ocp.models.bearings import tangent_basis
+from gbt_ocp.models.bearings import log_map, tangent_basis
 from gbt_ocp.tracking.bins import BinnedBearings
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.typing import Array
@@ -61,7 +61,8 @@ def linearised(samples: BinnedBearings, predicted: Array) -> BearingRows:
     ranges = np.linalg.norm(line, axis=1)
     near = ranges < NEAREST
     expected = np.where(near[:, None], samples.bearings, line / np.where(near, 1.0, ranges)[:, None])
-    basis, angle = _angles(expected, samples.bearings)
+    basis = tangent_basis(expected)
+    angle = log_map(expected, samples.bearings, basis)
     far = np.linalg.norm(angle, axis=1) > FARTHEST
     if far.any():
         measured_basis = tangent_basis(samples.bearings)
@@ -81,20 +82,6 @@ def linearised(samples: BinnedBearings, predicted: Array) -> BearingRows:
         _turning_axes(expected, directions).reshape(-1, 3),
         angle.ravel(),
     )
-
-
-def _angles(expected: Array, measured: Array) -> tuple[Array, Array]:
-    """Tangent bases of the expected bearings ``(N, d, d-1)``, and the angles in them to the measured ones."""
-    basis = tangent_basis(expected)
-    along = np.einsum("nij,ni->nj", basis, measured)
-    sine, cosine = np.linalg.norm(along, axis=1), np.einsum("ni,ni->n", expected, measured)
-    angle = np.arctan2(sine, cosine)
-    # opposite directions have an angle but no direction of it; any will do, and the guard above catches them
-    scale = np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 1.0)
-    tangent = along * scale[:, None]
-    opposite = (sine == 0.0) & (cosine < 0.0)
-    tangent[opposite, 0] = np.pi
-    return basis, tangent
 
 
 def _turning_axes(bearings: Array, directions: Array) -> Array:

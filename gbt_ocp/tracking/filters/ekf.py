@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gbt_ocp.models.bearings import tangent_basis
+from gbt_ocp.models.bearings import log_map, tangent_basis
 from gbt_ocp.tracking.filters.imm import ImmTracker, InteractingMultipleModel
 from gbt_ocp.tracking.filters.kalman import predicted, updated
 from gbt_ocp.tracking.filters.motion_models import constant_velocity
@@ -46,13 +46,8 @@ def linearised(position: Array, own: Array, bearing: Array, size: int) -> tuple[
     unit = line / distance[..., None]
     basis = tangent_basis(unit)
     observation = np.zeros((*basis.shape[:-2], basis.shape[-1], size))
-    across = np.swapaxes(basis, -1, -2)
-    observation[..., : len(own)] = across / np.maximum(distance, NEAREST)[..., None, None]
-    tangent = across @ bearing
-    sine = np.linalg.norm(tangent, axis=-1)
-    angle = np.arctan2(sine, unit @ bearing)
-    scale = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-12), 1.0)
-    return observation, np.asarray(scale[..., None] * tangent)
+    observation[..., : len(own)] = np.swapaxes(basis, -1, -2) / np.maximum(distance, NEAREST)[..., None, None]
+    return observation, log_map(unit, bearing, basis)
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gbt_ocp.tracking.filters.kalman import predicted, symmetric, updated
+from gbt_ocp.tracking.filters.kalman import predicted, updated
 from gbt_ocp.tracking.filters.motion_models import constant_acceleration, constant_velocity, coordinated_turn, turn_rate
 from gbt_ocp.tracking.filters.plkf import pseudo_linear, pseudo_noise
 from gbt_ocp.tracking.priors import PositionPrior
-from gbt_ocp.tracking.protocol import Forecast
+from gbt_ocp.tracking.protocol import Forecast, mixed
 from gbt_ocp.tracking.window import checked_sample
 from gbt_ocp.typing import Array
 
@@ -96,7 +96,7 @@ class InteractingMultipleModel:
 
     def combined(self) -> tuple[Array, Array]:
         """Mean ``(3d,)`` and covariance ``(3d, 3d)`` of the mixture."""
-        return _mixture(self.probabilities, self._means, self._covariances)
+        return mixed(self.probabilities, self._means, self._covariances)
 
     def models(self, step: ArrayLike) -> tuple[Array, Array]:
         """Transition and noise of each mode over steps ``(...)`` in seconds: two ``(..., 3, 3d, 3d)``.
@@ -121,10 +121,11 @@ class InteractingMultipleModel:
     def advance(self, step: float) -> None:
         """Mix the modes and predict each by a step in seconds."""
         ahead = self.probabilities @ self.transition
-        weights = (self.transition * self.probabilities[:, None] / ahead).T
+        weights = self.transition * self.probabilities[:, None] / ahead
         models = self.models(step)
         self.probabilities = ahead
-        self._means, self._covariances = predicted(*_mixture(weights, self._means, self._covariances), *models)
+        start = mixed(weights, self._means[:, None], self._covariances[:, None])
+        self._means, self._covariances = predicted(*start, *models)
 
     def correct(self, observation: Array, noise: Array, value: Array) -> None:
         """Condition each mode on ``value = H x + noise`` with R ``(3, k, k)``, and the modes' probabilities on it.
@@ -141,19 +142,9 @@ class InteractingMultipleModel:
         """Position at the times ``(K,)`` in seconds from now: each mode by its own model, the probabilities kept."""
         d = self._means.shape[1] // 3
         means, covariances = predicted(self._means, self._covariances, *self.models(ahead))
-        return Forecast(*_mixture(self.probabilities, means[..., :d], covariances[..., :d, :d]))
-
-
-def _mixture(weights: Array, means: Array, covariances: Array) -> tuple[Array, Array]:
-    """Mean ``(..., n)`` and covariance ``(..., n, n)`` of mixtures of M Gaussians, with the spread of their means.
-
-    Weights ``(..., M)``, means ``(..., M, n)`` and covariances ``(..., M, n, n)`` broadcast against each other.
-    """
-    mean = np.einsum("...i,...in->...n", weights, means)
-    offset = means - mean[..., None, :]
-    spread = np.einsum("...i,...inm->...nm", weights, covariances)
-    spread += np.swapaxes(weights[..., None] * offset, -1, -2) @ offset
-    return mean, symmetric(spread)
+        return Forecast(
+            *mixed(self.probabilities, np.swapaxes(means[..., :d], 0, 1), np.swapaxes(covariances[..., :d, :d], 0, 1))
+        )
 
 
 class ImmTracker:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gbt_ocp.tracking.linalg import symmetric
 from gbt_ocp.typing import Array
 
 
@@ -28,11 +29,6 @@ class Update(NamedTuple):
     covariance: Array
     log_likelihood: Array
     innovation_covariance: Array
-
-
-def symmetric(matrix: Array) -> Array:
-    """Mean of the matrices ``(..., n, n)`` and their transposes."""
-    return np.asarray(0.5 * (matrix + np.swapaxes(matrix, -1, -2)))
 
 
 def predicted(mean: Array, covariance: Array, transition: Array, noise: Array) -> tuple[Array, Array]:

@@ -13,6 +13,22 @@ import numpy as np
 from gbt_ocp.typing import Array
 
 
+def squared_exponential(lag: Array) -> Array:
+    """``k = exp(-a²/2)`` at lags over the length scale, a (any shape, either sign)."""
+    return np.asarray(np.exp(-0.5 * lag**2))
+
+
+def matern32(lag: Array) -> Array:
+    """``k = (1 + s) exp(-s)``, s = √3 |a|, at lags over the length scale, a (any shape, either sign)."""
+    s = np.sqrt(3.0) * np.abs(lag)
+    return np.asarray((1.0 + s) * np.exp(-s))
+
+
+def ornstein_uhlenbeck(lag: Array) -> Array:
+    """``k = exp(-|a|)`` at lags over the length scale, a (any shape, either sign)."""
+    return np.asarray(np.exp(-np.abs(lag)))
+
+
 class Kernel(Protocol):
     """A stationary covariance function with ``k(0) = 1``."""
 
@@ -34,13 +50,13 @@ class SquaredExponential:
 
     def __call__(self, lag: Array, log_parameters: Array) -> Array:
         """k at the lags."""
-        return np.asarray(np.exp(-0.5 * (lag * np.exp(-log_parameters[0])) ** 2))
+        return squared_exponential(lag * np.exp(-log_parameters[0]))
 
     def derivatives(self, lag: Array, log_parameters: Array) -> tuple[Array, list[Array]]:
         """``∂k/∂log l = k r²/l²``."""
-        square = (lag * np.exp(-log_parameters[0])) ** 2
-        value = np.exp(-0.5 * square)
-        return value, [value * square]
+        scaled = lag * np.exp(-log_parameters[0])
+        value = squared_exponential(scaled)
+        return value, [value * scaled**2]
 
 
 class Matern32:
@@ -50,13 +66,13 @@ class Matern32:
 
     def __call__(self, lag: Array, log_parameters: Array) -> Array:
         """k at the lags."""
-        return self.derivatives(lag, log_parameters)[0]
+        return matern32(lag * np.exp(-log_parameters[0]))
 
     def derivatives(self, lag: Array, log_parameters: Array) -> tuple[Array, list[Array]]:
         """``∂k/∂log l = s² exp(-s)``."""
-        s = np.sqrt(3.0) * np.abs(lag) * np.exp(-log_parameters[0])
-        decay = np.exp(-s)
-        return (1.0 + s) * decay, [s * s * decay]
+        scaled = lag * np.exp(-log_parameters[0])
+        s = np.sqrt(3.0) * np.abs(scaled)
+        return matern32(scaled), [s * s * np.exp(-s)]
 
 
 class Matern52:

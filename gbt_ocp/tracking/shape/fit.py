@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gbt_ocp.models.bearings import tangent_basis
+from gbt_ocp.models.bearings import log_map, tangent_basis
 from gbt_ocp.tracking.linalg import cholesky_factors, inverses, solutions
 from gbt_ocp.tracking.shape.course import Course
 from gbt_ocp.tracking.shape.motions import FLAT_ANGLE, Motions, MotionShape
@@ -184,20 +184,15 @@ class _View:
         line = course.positions_after(self._way) - seen.own_positions
         ranges = np.maximum(np.linalg.norm(line, axis=-1), NEAREST)
         unit = line / ranges[..., None]
-        basis = np.swapaxes(tangent_basis(unit), -1, -2)
-        tangent = np.einsum("bnji,ni->bnj", basis, seen.bearings)
-        cosine = np.einsum("bni,ni->bn", unit, seen.bearings)
-        if self._shape.dimension == 2:
-            angles = np.arctan2(tangent, cosine[..., None])
-        else:
-            sine = np.linalg.norm(tangent, axis=-1)
-            angles = tangent * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-12))[..., None]
+        basis = tangent_basis(unit)
+        angles = log_map(unit, seen.bearings, basis)
         rows = seen.whitened(angles).reshape(len(motions), -1)
         if seen.known is not None and self._known_way is not None:
             off = (seen.known.positions - course.positions_after(self._known_way)).reshape(len(motions), -1)
             rows = np.concatenate([rows, off @ seen.known.root.T], axis=1)
         objective = np.sum(rows**2, axis=1) + np.sum(motions.white**2, axis=1)
-        return _Misfit(course, basis / ranges[..., None, None], rows, angles, ranges, objective)
+        across = np.swapaxes(basis, -1, -2) / ranges[..., None, None]
+        return _Misfit(course, across, rows, angles, ranges, objective)
 
     def slopes(self, at: _Misfit) -> Array:
         """Derivatives of the predicted rows by the whitened coordinates ``(B, R, n)``; valid until the next ones."""

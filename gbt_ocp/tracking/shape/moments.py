@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gbt_ocp.tracking.protocol import mixed
 from gbt_ocp.tracking.shape.fit import Fit
 from gbt_ocp.tracking.shape.motions import MotionShape
 from gbt_ocp.tracking.shape.processes import interpolation
@@ -46,13 +47,13 @@ def moments_ahead(shape: MotionShape, found: Fit, weights: Array, horizon: float
     spread = _spread(nodes.slopes[..., :known], found.covariance)
     beyond = nodes.slopes[..., known:]
     spread += np.einsum("bgik,bgjk->bgij", beyond, beyond)
-    return _mixed(times, nodes.positions, spread, weights)
+    return Moments(times, *mixed(weights, nodes.positions, spread))
 
 
 def moments_behind(shape: MotionShape, found: Fit, weights: Array) -> Moments:
     """Moments over the past that the knots reach: the smoothed track."""
     nodes = shape.past(found.motions)
-    return _mixed(shape.past_nodes, nodes.positions, _spread(nodes.slopes, found.covariance), weights)
+    return Moments(shape.past_nodes, *mixed(weights, nodes.positions, _spread(nodes.slopes, found.covariance)))
 
 
 def moments_now(shape: MotionShape, found: Fit, weights: Array) -> tuple[Array, Array, Array]:
@@ -66,10 +67,8 @@ def moments_now(shape: MotionShape, found: Fit, weights: Array) -> tuple[Array, 
     nodes = shape.past(found.motions, 2)
     count, _, d = nodes.positions.shape
     both = nodes.positions.reshape(count, 1, 2 * d)
-    mixed = _mixed(
-        shape.past_nodes[:1], both, _spread(nodes.slopes.reshape(count, 1, 2 * d, -1), found.covariance), weights
-    )
-    return shape.past_nodes[:2], mixed.mean.reshape(2, d), mixed.covariance[0]
+    mean, covariance = mixed(weights, both, _spread(nodes.slopes.reshape(count, 1, 2 * d, -1), found.covariance))
+    return shape.past_nodes[:2], mean.reshape(2, d), covariance[0]
 
 
 def _spread(slopes: Array, covariance: Array) -> Array:
@@ -77,10 +76,3 @@ def _spread(slopes: Array, covariance: Array) -> Array:
     count, nodes, d, n = slopes.shape
     across = (slopes.reshape(count, nodes * d, n) @ covariance).reshape(slopes.shape)
     return np.asarray(np.einsum("bgik,bgjk->bgij", across, slopes))
-
-
-def _mixed(times: Array, positions: Array, spread: Array, weights: Array) -> Moments:
-    mean = np.einsum("b,bgi->gi", weights, positions)
-    offset = positions - mean
-    covariance = np.einsum("b,bgij->gij", weights, spread) + np.einsum("b,bgi,bgj->gij", weights, offset, offset)
-    return Moments(times, mean, covariance)

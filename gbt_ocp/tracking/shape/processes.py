@@ -13,6 +13,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from gbt_ocp.tracking.gp.kernels import matern32, ornstein_uhlenbeck
 from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.typing import Array
 
@@ -122,10 +123,10 @@ def operators(prior: ShapePrior, knot: float, steps: int, past: int, future: int
     integral = np.zeros_like(fast)
     integral[1:] = np.cumsum(0.5 * step * (fast[1:] + fast[:-1]), axis=0)
 
-    kernel = {"matern32": _matern32, "ou": _ou}[prior.kernel]
+    kernel = {"matern32": matern32, "ou": ornstein_uhlenbeck}[prior.kernel]
     grid, identity = prior.grid(), np.eye(len(fast_knots))
     factors = {
-        (deviation, time): deviation * np.linalg.cholesky(kernel(fast_knots, time) + JITTER * identity)
+        (deviation, time): deviation * np.linalg.cholesky(kernel(_lags(fast_knots) / time) + JITTER * identity)
         for deviation, time in {(point.turn_std, point.turn_time) for point in grid}
     }
     return Operators(
@@ -164,15 +165,13 @@ def _between(knots: Array, nodes: Array) -> Array:
 def _pinned(weights: Array, knots: Array, deviation: float, time: float) -> Array:
     """Factor at nodes of an Ornstein-Uhlenbeck process that is zero now, whose first knot is left out."""
     rest = knots[1:]
-    since = np.exp(-np.abs(rest) / time)
-    factor = np.linalg.cholesky(_ou(rest, time) - np.outer(since, since) + JITTER * np.eye(len(rest)))
+    since = ornstein_uhlenbeck(rest / time)
+    factor = np.linalg.cholesky(
+        ornstein_uhlenbeck(_lags(rest) / time) - np.outer(since, since) + JITTER * np.eye(len(rest))
+    )
     return np.asarray(deviation * weights[:, 1:] @ factor)
 
 
-def _matern32(times: Array, scale: float) -> Array:
-    lag = np.sqrt(3.0) * np.abs(times[:, None] - times[None, :]) / scale
-    return np.asarray((1.0 + lag) * np.exp(-lag))
-
-
-def _ou(times: Array, scale: float) -> Array:
-    return np.asarray(np.exp(-np.abs(times[:, None] - times[None, :]) / scale))
+def _lags(times: Array) -> Array:
+    """Differences of the times ``(m,)``: ``(m, m)``."""
+    return np.asarray(times[:, None] - times[None, :])

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gbt_ocp.models.bearings import tangent_basis
+from gbt_ocp.models.bearings import log_map, tangent_basis
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, relative_range_std
@@ -185,14 +185,11 @@ class MotionShapeTracker:
             return None, False
         unit = line / distance
         basis = tangent_basis(unit)
-        tangent = basis.T @ b
-        length = float(np.linalg.norm(tangent))
-        angle = np.arctan2(length, unit @ b)
+        angle = log_map(unit, b, basis)
         n = self._noise
         single = n.std**2 + n.correlated_std**2 + (n.own_std / distance) ** 2
         spread = basis.T @ covariance @ basis / distance**2 + single * np.eye(self.dimension - 1)
-        towards = tangent / max(length, 1e-12)
-        return unit, bool(angle**2 * (towards @ np.linalg.solve(spread, towards)) > self._gate**2)
+        return unit, bool(angle @ np.linalg.solve(spread, angle) > self._gate**2)
 
     # ---- estimating -------------------------------------------------------------------------------------------------
 
