@@ -24,8 +24,8 @@ STEPS = 20
 SHAKE = 1.0e-11
 """Relative change of the state under which a step must keep its plan to be recorded."""
 
-STEADY = 1.0e-8
-"""How far an endpoint may move for that (m, rad)."""
+STEADY = 1.0e-6
+"""How far an endpoint may move for that (m, rad): rounding, far smaller, then moves none by 1e-9."""
 
 
 @dataclass(frozen=True)
