@@ -22,7 +22,7 @@ from gbt_ocp.ocp.codegen.problem_source import from_moments, generate_problem
 from gbt_ocp.ocp.export.building import RUN_S, built, number_after, run_example
 from gbt_ocp.ocp.export.names import checked_prefix, identity_header, prefixed
 from gbt_ocp.ocp.export.vectors import record
-from gbt_ocp.ocp.planner import TIGHTENINGS, Planner
+from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 
 
@@ -80,7 +80,7 @@ def write_c(
         generated = generate_problem(problem, settings).files
         sources = kernel_files() | generated
         sources["gbt_identity.h"] = identity_header(sources)
-        vectors = record(problem, options, steps)
+        vectors = record(planner, steps)
         texts = {f"src/{name}": text for name, text in sources.items()}
         texts |= {"vectors.h": vectors.header, "CMakeLists.txt": _cmake_lists(sources)}
         texts |= {name: _template(name) for name in ("Makefile", "example.c")}
@@ -173,7 +173,6 @@ def _readme(manifest: Mapping[str, Any]) -> str:
         return "not measured" if sizes[name] is None else f"{sizes[name]} bytes"
 
     return _template("README.md").format(
-        attempts=2 * (TIGHTENINGS + 1),
         deadline=manifest["options"]["deadline"],
         flat=problem["flat_outputs"],
         inputs=problem["inputs"],

@@ -49,10 +49,11 @@ def write_ipopt_folder(problem: ProblemData, options: Mapping[str, Any], folder:
     readme = _README.format(
         name=NAME,
         variables=program.variables.numel(),
-        slacks=statement["x"].numel() - program.variables.numel(),
+        slacks=statement["x"].numel() - program.variables.numel() - len(program.giving),
+        giving=len(program.giving),
         parameters=program.parameters.numel(),
         limits=program.limits.numel(),
-        kinks=statement["g"].numel() - program.limits.numel(),
+        kinks=statement["g"].numel() - program.limits.numel() - len(program.giving),
         penalties="".join(f"\n- {width}, {weight} and the tightening 0" for width, weight in penalties) or " none",
     )
     with whole_folder(target) as draft:
@@ -76,10 +77,12 @@ IPOPT allocates memory and its time is not bounded: for a vehicle take the defau
 
 `{name}.h` has CasADi's usual interface. Inputs:
 
-- x0: {variables} scaled derivatives of the pieces, one piece after another, then {slacks} slacks of the penalties
+- x0: {variables} scaled derivatives of the pieces, one piece after another, then {slacks} slacks of the penalties, then
+  {giving} of the limits that give where not all can be kept
 - p: {parameters} numbers, below
-- lbx, ubx: infinite, but 0 below for the first half of the slacks
-- lbg, ubg: {limits} bounds of the limits at the nodes, then {kinks} times 0 and infinity
+- lbx, ubx: infinite, but 0 below for the first half of the penalties' slacks and for all of the limits'
+- lbg, ubg: {limits} bounds of the limits at the nodes, without the lower ones of those that give, then {kinks} times 0
+  and infinity, then the {giving} lower bounds left out before, and infinity
 - two multipliers, which may be zero
 
 Outputs: x, f, g and multipliers. p is the start, the parameters of the objectives one endpoint after another, then of
