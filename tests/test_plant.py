@@ -172,9 +172,11 @@ def test_the_slow_force_is_stationary_and_correlated_as_it_says():
     np.testing.assert_array_equal(again(17.5), force(17.5))  # however often it was asked before
 
 
-def test_a_motion_without_a_source_of_draws_is_refused():
+def test_a_plant_that_cannot_be_is_refused():
     with pytest.raises(ValueError, match="rng"):
-        Motion(Plant(PLANAR, force_std=1.0))
+        Plant(PLANAR, force_std=1.0)
+    with pytest.raises(ValueError, match=r"lag: found -0\.1; allowed: a number >= 0"):
+        Plant(PLANAR, lag=-0.1)
     with pytest.raises(ValueError, match=r"vehicle\.follow: found exact beside a plant"):
         Mover(PLANAR, PERIOD, "exact", Plant(PLANAR))
 

@@ -7,6 +7,7 @@ import math
 import casadi as ca
 import numpy as np
 
+from gbt_ocp.models.sizes import not_negative
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.typing import Array
@@ -44,13 +45,11 @@ class Follower:
     """
 
     def __init__(self, vehicle: Vehicle, bandwidth: float = BANDWIDTH) -> None:
-        if not 0.0 <= bandwidth < math.inf:
-            raise ValueError(f"bandwidth: found {bandwidth}; allowed: a finite number >= 0")
         point = [ca.SX.sym(name, vehicle.flat_dimension) for name in ("z", "dz", "ddz")]
         self._inputs = ca.Function("inputs", point, [vehicle.inputs(*point)])
         self._limit = vehicle.thrust_max
         self._dimension = vehicle.position_dimension
-        self.bandwidth = bandwidth
+        self.bandwidth = not_negative("bandwidth", bandwidth)
 
     def thrust(self, plan: FlatPoint, middle: FlatPoint, z: Array, dz: Array) -> Array:
         """The thrust ``(m,)`` until the next sample, each input clipped to its limit.

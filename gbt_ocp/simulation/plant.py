@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.models.fossen import FossenParameters, rotation
+from gbt_ocp.models.sizes import not_negative
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.typing import Array
 
@@ -62,6 +63,11 @@ class Plant:
     rng
         Source of its draws; needed if ``force_std`` is positive.
 
+    Raises
+    ------
+    ValueError
+        If a time or a deviation is negative or not finite, or there is nothing to draw the slowly varying force from.
+
     Notes
     -----
     A force asks for a vehicle whose inputs are forces in the body frame along the axes of its pose, as those of
@@ -75,6 +81,12 @@ class Plant:
     force: ArrayLike | None = None
     force_std: float = 0.0
     rng: np.random.Generator | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("lag", "dead_time", "force_std"):
+            not_negative(name, getattr(self, name))
+        if self.force_std > 0.0 and self.rng is None:
+            raise ValueError("rng: found None; allowed: a generator where force_std is positive")
 
 
 class SlowForce:
@@ -116,11 +128,6 @@ class Motion:
     ----------
     plant
         What moves.
-
-    Raises
-    ------
-    ValueError
-        If there is a slowly varying force and nothing to draw it from.
     """
 
     def __init__(self, plant: Plant) -> None:
@@ -132,9 +139,7 @@ class Motion:
         self._commands: deque[tuple[float, Command]] = deque([(-np.inf, lambda s: idle)])
         self._constant = None if plant.force is None else np.asarray(plant.force, dtype=float)
         self._slow = None
-        if plant.force_std > 0.0:
-            if plant.rng is None:
-                raise ValueError("rng: found None; allowed: a generator where force_std is positive")
+        if plant.force_std > 0.0 and plant.rng is not None:
             self._slow = SlowForce(plant.force_std, plant.vehicle.position_dimension, plant.rng)
 
     def advance(self, state: Array, command: Command, duration: float) -> Array:
