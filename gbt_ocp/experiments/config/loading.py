@@ -56,7 +56,7 @@ _ALTERNATIVES: dict[tuple[str, ...], tuple[str, str]] = {
 
 # Another kind brings other keys; these belong to every kind of their section and stay.
 _SHARED: dict[tuple[str, ...], tuple[str, ...]] = {
-    ("vehicle",): ("start", "follow"),
+    ("vehicle",): ("start", "follow", "follow_bandwidth"),
     ("tracker",): ("window", "forecast", "forecast_period_s", "prior"),
 }
 

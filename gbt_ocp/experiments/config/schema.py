@@ -23,6 +23,7 @@ from gbt_ocp.experiments.config.guidance import AnyGuidance, PlannerGuidance
 from gbt_ocp.experiments.config.keys import Section, key, kinds_in, sections_in
 from gbt_ocp.experiments.config.limits import Limits, RangeLimit
 from gbt_ocp.experiments.config.planner import Planner
+from gbt_ocp.experiments.config.plant import Plant
 from gbt_ocp.experiments.config.replay import Replay
 from gbt_ocp.experiments.config.sensor import Sensor
 from gbt_ocp.experiments.config.target import CaseTarget, ManoeuvreTarget, ProblemTarget, TrackTarget, TurningTarget
@@ -57,6 +58,7 @@ class Configuration(Section):
     vehicle: FossenVehicle | ProblemVehicle = Field(
         default_factory=lambda: FossenVehicle(kind="fossen"), discriminator="kind", description="The vehicle."
     )
+    plant: Plant = Field(default_factory=Plant, description="How the vehicle that moves differs from its model.")
     replay: Replay = Field(default_factory=Replay, description="Recorded bearings replayed.")
 
     @property
