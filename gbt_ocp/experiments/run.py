@@ -22,6 +22,7 @@ from gbt_ocp.experiments.interrupts import interrupted_between_steps
 from gbt_ocp.experiments.result import Result
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.guidance.startup import planner_of
+from gbt_ocp.ocp.codegen.library import CompilerError
 from gbt_ocp.ocp.plan import ANSWERED
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
@@ -92,7 +93,7 @@ def run(
     began = perf_counter()
     try:
         loop, start = build_loop(configuration)
-    except ValueError as fault:
+    except (ValueError, CompilerError) as fault:
         # What only shows when the parts are put together is still a fault of the input.
         raise ConfigurationError([f"{configuration.name}: {fault}"]) from fault
 

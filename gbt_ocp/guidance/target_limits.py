@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from gbt_ocp.guidance.objectives import NEAR
 from gbt_ocp.models.sizes import positive
@@ -117,7 +117,7 @@ class RangeLimits:
         range_ = ca.sqrt(ca.sumsqr(line) + NEAR**2)
         sight = line / range_
         spread = ca.sqrt(ca.mtimes([sight.T, parameters["covariance"], sight]) + NEAR**2)
-        margin = float(norm.ppf(self.confidence)) * spread
+        margin = float(ndtri(self.confidence)) * spread
         rows = []
         if self.nearest is not None:
             rows.append((range_ - margin) / self.nearest)

@@ -124,8 +124,9 @@ def _in_a_sentence(history: History, summary: dict[str, Any]) -> str:
     thrust = f"the vehicle {kept}" if violation is None else f"the vehicle {kept} its thrust limits"
     planned = int(np.count_nonzero(history.planned))
     solved = f"{planned} plans, {fallbacks} of them a fallback after a failed solve" if planned else "no plans"
+    space = "the plane" if history.dimension == 2 else "space"
     return (
-        f"{history.t[-1]:.4g} s in {'the plane' if history.dimension == 2 else 'space'}, {len(history.t)} samples; "
+        f"{_seconds(history.t[-1])} s in {space}, {len(history.t)} samples; "
         f"settled error {_number(summary.get('error_settled'))} m; {thrust}; {solved}."
     )
 
@@ -166,7 +167,7 @@ def _ledger(history: History, summary: dict[str, Any]) -> list[str]:
     shown = failed[:MOST_FAILURES]
     rows = [
         (
-            f"{history.t[k]:.4g}",
+            _seconds(history.t[k]),
             str(history.solver_status[k]),
             str(history.fallback[k]) or "none",
             str(history.solver_iterations[k]),
@@ -192,6 +193,11 @@ def _number(value: Any) -> str:
     if isinstance(value, list):
         return ", ".join(map(_number, value))
     return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _seconds(time: float) -> str:
+    """A time to a microsecond, however long the run."""
+    return f"{time:.6f}".rstrip("0").rstrip(".")
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]], kind: str = "") -> str:

@@ -258,6 +258,13 @@ class History:
         meaning="Prior covariance of the target's coordinates under the hyperparameters, NaN if the tracker has "
         "none; off the diagonal R_xy, R_xz, R_yz of the linear model of coregionalization",
     )
+    off_plan: Array = column(
+        "t",
+        lambda step: step.move.off_plan,
+        "m",
+        optional=True,
+        meaning="Distance from the planned position at the end of the period that begins at t_k, NaN without a plan",
+    )
 
     def __post_init__(self) -> None:
         lengths: dict[str, tuple[int, str]] = {}

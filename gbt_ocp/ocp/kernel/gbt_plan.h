@@ -12,6 +12,8 @@
    plan, a plan from a cold start, what the solver had when its iterations were spent if the first piece of that keeps
    the thrust limits, or a braking plan, in this order. Nothing is allocated, and the solver's iterations of
    all attempts together are at most settings.deadline. */
+#include "gbt_identity.h"
+
 #ifndef GBT_PLAN_H
 #define GBT_PLAN_H
 
@@ -57,6 +59,7 @@ typedef struct {
 } gbt_planner;
 
 /* Default settings, no previous plan. They may be changed between the steps. */
+#define gbt_plan_init GBT_NAME(gbt_plan_init)
 void gbt_plan_init(gbt_planner *planner);
 
 /* Size of a gbt_planner, for callers that do not see the struct. */

@@ -2,6 +2,8 @@
 
    The problem itself (sizes, limits, derivatives) is generated: gbt_problem.h and gbt_problem.c. The kernel allocates
    nothing, recurses nowhere, keeps nothing between calls outside the workspace, and calls only libm. */
+#include "gbt_identity.h"
+
 #ifndef GBT_SOLVER_H
 #define GBT_SOLVER_H
 
@@ -88,6 +90,7 @@ typedef struct {
 enum { GBT_COLD_START = 0, GBT_WARM = 1, GBT_AGAIN = 2 };
 
 /* GBT_DEFAULT_SETTINGS: the options with which the planner was generated. */
+#define gbt_default_settings GBT_NAME(gbt_default_settings)
 void gbt_default_settings(gbt_settings *settings);
 
 /* Size of the workspace in bytes, for callers that do not see the struct. */
