@@ -110,7 +110,7 @@ def test_summary_is_what_comes_out_on_paper():
         summary.pop(key)
     assert summary == pytest.approx(expected)
     assert nested == {
-        "fallbacks": {"shifted": 1, "cold": 0, "relaxed": 0, "braking": 0},
+        "fallbacks": {"shifted": 1, "cold": 0, "unfinished": 0, "braking": 0},
         "retries": {"nugget": 3},
         "versions": {"python": "3"},
     }

@@ -34,12 +34,12 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     from gbt_ocp.ocp.solvers.base import options_for
 
     section, solver = configuration.planner, arguments.solver
-    problem = build_problem(configuration, build_vehicle(configuration))
     # Options under no solver's name are those of the solver that the configuration names.
     named = "compiled" if section.solver == "auto" else section.solver
     if arguments.verify and solver != "compiled":
         raise ConfigurationError(["--verify: found --solver ipopt; allowed: --solver compiled"])
     try:
+        problem = build_problem(configuration, build_vehicle(configuration))
         options = options_for(solver, section.solver_options, common=named == solver)
         if solver == "compiled":
             write_c(Planner(problem, solver, options), arguments.out)

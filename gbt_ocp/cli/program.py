@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import signal
+import warnings
 
 from gbt_ocp.cli.exit_codes import INTERRUPTED
 from gbt_ocp.cli.output import open_standard_streams
@@ -26,6 +27,7 @@ def main() -> int:
     if heard:
         signal.signal(signal.SIGINT, _leave)
     open_standard_streams()
+    warnings.formatwarning = _warning
     from gbt_ocp.cli.main import main as command_line
 
     try:
@@ -37,6 +39,13 @@ def main() -> int:
     except KeyboardInterrupt:  # before the command line answered interrupts, or after
         return _say_so()
     return code
+
+
+def _warning(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
+) -> str:
+    """A warning as a user reads it, without the line of the program that gave it."""
+    return f"warning: {message}\n"
 
 
 def _leave(number: int, frame: object) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,6 +81,7 @@ def replay(
     trackers: Sequence[str] = (),
     bearing_from: str | None = None,
     latency: float | None = None,
+    where: Mapping[str, str | float] | None = None,
     overrides: Sequence[str] = (),
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Replayed:
@@ -95,6 +98,8 @@ def replay(
         of them for ``all``.
     bearing_from, latency
         Replace ``replay.bearing_from`` and ``replay.latency_s``.
+    where
+        Values by column, added to ``replay.where``.
     overrides
         ``key.path=value`` strings.
     progress
@@ -104,19 +109,28 @@ def replay(
     ------
     ConfigurationError
         If the log, the configuration or a name is wrong; one line a fault.
+
+    Warns
+    -----
+    RuntimeWarning
+        If the log seems to hold several contacts; the summary has the same under ``warnings``.
     """
     changes = list(overrides)
     if bearing_from is not None:
         changes.append(f"replay.bearing_from={bearing_from}")
     if latency is not None:
         changes.append(f"replay.latency_s={latency}")
+    if where:
+        changes.append(f"replay.where={json.dumps(dict(where))}")
     # a plane problem stands for all: of the problem nothing but its dimension counts
     config = load_config(configuration, changes)
     section = config.replay
     if section.bearing_from is None:
         allowed = "x (counter-clockwise from +x), north (clockwise from +y)"
         raise ConfigurationError([f"--bearing-from: found nothing, nor replay.bearing_from; allowed: {allowed}"])
-    data = read_log(Path(log), section.bearing_from, section.latency_s)
+    data = read_log(Path(log), section.bearing_from, section.latency_s, section.where)
+    for line in data.warnings:
+        warnings.warn(line, RuntimeWarning, stacklevel=2)
     if data.dimension != config.dimension:
         changes = [*changes, f"problem={'case2' if data.dimension == 2 else 'case5'}"]
         config = load_config(configuration, changes)
@@ -133,7 +147,9 @@ def replay(
     summary: dict[str, Any] = {
         "log": str(log),
         "bearings": len(data.times),
+        "rows_without_bearing": data.own_rows,
         "duration_s": float(data.times[-1] - data.times[0]),
+        "warnings": list(data.warnings),
         "versions": installed_versions(),
         "trackers": {
             track.name: scores(
@@ -153,7 +169,7 @@ def replay(
     for distance in section.constant_range_m:
         guess = data.own + distance * data.bearings
         unknown = np.full((*guess.shape, data.dimension), np.nan)
-        summary["trackers"][f"constant {distance:g} m"] = scores(
+        summary["trackers"][f"constant {distance:.15g} m"] = scores(
             data, data.times, guess, unknown, section.ahead_s, section.score_from_s
         )
     return Replayed(config, data, tracks, run_folder.strict(summary))
@@ -197,4 +213,8 @@ def _write_track(path: Path, track: ReplayedTrack, log: BearingLog) -> None:
     ]
     names = ["t", *axes, *(f"cov_{axes[i]}{axes[j]}" for i, j in pairs), "range", "range_std"]
     names += ["residual_deg"] if d == 2 else ["residual_1_deg", "residual_2_deg"]
-    np.savetxt(path, np.column_stack(columns), fmt="%.6g", delimiter=",", header=",".join(names), comments="")
+    # the shortest text that reads back as the same number: a map coordinate or an absolute time loses nothing
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows(np.column_stack(columns).tolist())

@@ -12,7 +12,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from gbt_ocp.models.sizes import positive
 from gbt_ocp.typing import Array
@@ -172,6 +171,8 @@ class TrackTarget:
             raise ValueError(
                 f"start_time must lie within the {t[-1] - t[0]:.6g} s of the track, found {start_time:.6g}"
             )
+        from scipy.interpolate import CubicSpline  # takes a second to import, which other targets do not need
+
         self._spline = CubicSpline((t - t[0] - start_time) * time_scale, p * length_scale, extrapolate=False)
         self._shift = np.zeros(p.shape[1])
         if start is not None:
@@ -195,7 +196,8 @@ class TrackTarget:
         Raises
         ------
         ValueError
-            If columns are missing or cells are not numbers; the message names the file.
+            If columns are missing, cells are not numbers, or a row has not as many as the header; the message names
+            the file.
         OSError
             If the file cannot be read.
         """
@@ -204,11 +206,17 @@ class TrackTarget:
             header = [name.strip() for name in file.readline().split(",")]
             if not set(columns) <= set(header):
                 raise ValueError(f"{path}: columns {', '.join(header)}; needed are {', '.join(columns)}")
-            rows = [line for line in file if line.strip()]
+            rows = {number: line for number, line in enumerate(file, start=2) if line.partition("#")[0].strip()}
             if not rows:
                 raise ValueError(f"{path}: no rows below the header")
+            for number, line in rows.items():
+                count = line.partition("#")[0].count(",") + 1
+                if count != len(header):  # its cells may be those of other columns
+                    raise ValueError(f"{path}: line {number}: found {count} cells; allowed: {len(header)}")
             try:
-                table = np.loadtxt(rows, delimiter=",", usecols=[header.index(name) for name in columns], ndmin=2)
+                table = np.loadtxt(
+                    list(rows.values()), delimiter=",", usecols=[header.index(name) for name in columns], ndmin=2
+                )
             except ValueError as fault:
                 raise ValueError(f"{path}: {fault}") from fault
         try:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import solve_ivp
 
 from gbt_ocp.models.fossen import FossenParameters, rotation
 from gbt_ocp.models.sizes import not_negative
@@ -173,6 +172,8 @@ class Motion:
             force = acting + self._push(x[:size], began + s) if pushed else acting
             moved = vehicle.rates(x[:size], force)
             return np.concatenate([moved, (asked - acting) / lag]) if lag > 0.0 else moved
+
+        from scipy.integrate import solve_ivp  # takes half a second to import, which other ways do not need
 
         return np.asarray(solve_ivp(rates, (begin, end), x, rtol=1e-8, atol=1e-10).y[:, -1])
 

@@ -95,12 +95,18 @@ class BearingLog:
         ``(K, d)``, unit vectors.
     truth
         The target's positions ``(K, d)`` in metres, NaN where they are not known; ``None`` if the log has none.
+    own_rows
+        Rows of the log that hold an own position and no bearing.
+    warnings
+        Lines about what is suspicious in the log.
     """
 
     times: Array
     own: Array
     bearings: Array
     truth: Array | None
+    own_rows: int = 0
+    warnings: tuple[str, ...] = ()
 
     @property
     def dimension(self) -> int:

@@ -15,7 +15,7 @@ from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.history import History
 from gbt_ocp.simulation.track_summary import track_numbers
 
-FALLBACKS = ("shifted", "cold", "relaxed", "braking")
+FALLBACKS = ("shifted", "cold", "unfinished", "braking")
 """The answers to a failed solve, in the order in which they are tried; a summary always counts all of them."""
 
 

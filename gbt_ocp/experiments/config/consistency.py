@@ -22,7 +22,6 @@ from gbt_ocp.experiments.config.schema import Configuration, kinds
 from gbt_ocp.experiments.config.sensor import Sensor
 from gbt_ocp.experiments.config.tracker import ShapeTracker, TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
-from gbt_ocp.models.targets import TrackTarget
 
 _BINS = ("bin_s", "window_s")
 _CASES = {2: ("case1", "case2", "case3"), 3: ("case4", "case5", "case6")}
@@ -217,6 +216,8 @@ def _track(merged: Mapping[str, Any], dimension: int) -> Iterator[Fault]:
     if path is None or not path.is_file():
         yield Fault(("target", "path"), f"{shown(target['path'])}, which is not a file", wanted)
         return
+    from gbt_ocp.models.targets import TrackTarget  # CasADi comes with it, which most commands need not wait for
+
     try:
         track = TrackTarget.from_csv(path, dimension)
     except (ValueError, OSError) as fault:
