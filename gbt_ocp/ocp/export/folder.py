@@ -26,20 +26,6 @@ from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 
 
-def free_folder(folder: str | Path) -> Path:
-    """The path, if it names a new or empty folder.
-
-    Raises
-    ------
-    FileExistsError
-        If there is something.
-    """
-    target = Path(folder)
-    if target.exists() and not (target.is_dir() and not any(target.iterdir())):
-        raise FileExistsError(f"found {target}, which is not an empty folder; allowed: a new or empty folder")
-    return target
-
-
 def write_c(
     planner: Planner, folder: str | Path, steps: Sequence[Mapping[str, Any]] | None = None, prefix: str = ""
 ) -> Path:
