@@ -132,10 +132,10 @@ def run(
         forecast_period=configuration.forecast_period,
         standoff=configuration.standoff,
     )
-    # `auto` says in the configuration that there was a choice, not what was chosen
+    # the configuration has `auto`, which does not name the solver that was chosen
     planner = planner_of(loop.guidance)
     summary["solver"] = planner.solver.name if isinstance(planner, Planner) else None
     summary["warnings"] = stalling
-    # the limits of a problem's own vehicle stand nowhere in its configuration
+    # the configuration has no limits of a problem's own vehicle
     summary["thrust_max"] = loop.vehicle.thrust_max.tolist()
     return Result(configuration, history, summary)

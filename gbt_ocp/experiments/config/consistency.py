@@ -1,7 +1,7 @@
-"""What no single key shows: keys that contradict each other, the problem, or the files they name.
+"""Faults between keys: keys that contradict each other, the problem, or the files that they name.
 
-The checks read the merged mapping and not the checked models, so that they report beside the faults of single keys
-instead of after them; a value of the wrong type is left to the models.
+The checks read the merged mapping and not the checked models, so that their faults come together with those of
+single keys and not after them. A value of the wrong type is left to the models.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def _number(merged: Mapping[str, Any], path: tuple[str, ...], default: Any) -> f
     value = value_at(merged, path)
     value = default if value is NOTHING else value
     number = isinstance(value, int | float) and not isinstance(value, bool) and is_moderate(value)
-    return value if number else None  # sizes that are none are said elsewhere
+    return value if number else None  # extremes() reports the others
 
 
 def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
@@ -73,7 +73,7 @@ def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
     if ahead is not None and period is not None and min(ahead, period) > 0.0:
         share = (piece or period) / ahead
         if abs(share - round(share)) > 1e-6 or round(share) < 1:
-            allowed = f"null, or a whole part of a piece, planner.period_s = {piece or period:.6g}"
+            allowed = f"null, or a piece divided by a whole number, planner.period_s = {piece or period:.6g}"
             yield Fault(("tracker", "forecast_period_s"), shown(ahead), allowed)
     if piece is not None and period is not None and min(piece, period) > 0.0:
         steps = piece / period
@@ -111,7 +111,7 @@ def _one_of(merged: Mapping[str, Any], path: tuple[str, ...], first: str, second
 
 
 def _noise(merged: Mapping[str, Any]) -> Iterator[Fault]:
-    """What the tracker is told of noise beside what the sensor makes."""
+    """Noise that the tracker assumes beside the noise of the sensor."""
     path, kind = ("tracker", "noise"), value_at(merged, ("tracker", "kind"))
     if kind in ("motion_gp", "mixture"):
         yield from _bins(merged, ("tracker",), ShapeTracker, 4)
@@ -168,8 +168,8 @@ def _limits(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Itera
     near, far, margin = (_number(merged, (*path, name), 0.0) for name in ("nearest_m", "farthest_m", "margin_m"))
     between = (far or 0.0) - (near or 0.0)
     if margin is not None and 0.0 < between <= 2.0 * margin:
-        told = f"a number < {0.5 * between:.6g}, half of what lies between the limits"
-        yield Fault((*path, "margin_m"), shown(margin), told)
+        allowed = f"a number < {0.5 * between:.6g}, half of what lies between the limits"
+        yield Fault((*path, "margin_m"), shown(margin), allowed)
     if isinstance(value_at(merged, ("limits", "range")), Mapping) and all(
         value_at(merged, ("limits", "range", name)) in (NOTHING, None) for name in ("nearest_m", "farthest_m")
     ):

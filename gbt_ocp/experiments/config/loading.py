@@ -303,7 +303,7 @@ def _overlay(base: Mapping[str, Any], above: Mapping[str, Any], path: tuple[str,
 
 
 def _origin(path: tuple[str, ...], layers: Sequence[_Layer], label: str) -> str:
-    """Label of the strongest layer that says anything at the path; the file for defaults and missing keys."""
+    """Label of the strongest layer that has a value at the path; the file for defaults and missing keys."""
     for layer in reversed(layers):
         if value_at(layer.values, path) is not NOTHING:
             return label if layer.label == "defaults" else layer.label

@@ -63,7 +63,7 @@ class Configuration(Section):
 
     @property
     def problem_object(self) -> TrackingProblem:
-        """The problem module's ``problem``; looked up when asked for, so that the configuration pickles."""
+        """The problem module's ``problem``; looked up at each access, so that the configuration can be pickled."""
         return catalogue.load_problem(self.problem)
 
     @property
