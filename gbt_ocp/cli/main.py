@@ -25,12 +25,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MKL_NUM_THREADS", "1")
 
 from gbt_ocp.cli.arguments import WRONG_INPUT, completion, parser
+from gbt_ocp.experiments.build.trackers import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.guidance import GUIDANCE_LAWS
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.config.schema import SOLVERS, Configuration, schema
-from gbt_ocp.experiments.config.tracker import TRACKERS
 from gbt_ocp.simulation import run_folder
 
 if TYPE_CHECKING:
@@ -442,7 +442,7 @@ def _list(arguments: argparse.Namespace) -> int:
     sections: dict[str, Mapping[str, str]] = {
         "problems": {name: catalogue.load_problem(name).description for name in catalogue.problem_names()},
         "configurations": {name: catalogue.config_description(name) for name in catalogue.config_names()},
-        "trackers": TRACKERS,
+        "trackers": {name: kind.says for name, kind in TRACKERS.items()},
         "guidance laws": GUIDANCE_LAWS,
         "solvers": SOLVERS,
     }

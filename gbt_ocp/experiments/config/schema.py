@@ -9,10 +9,13 @@ problem are checked against the validation context ``{"d": d, "n": n}``, so the 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from contextlib import suppress
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
+from gbt_ocp.experiments.build.tracker_kinds import TrackerKind
+from gbt_ocp.experiments.build.trackers import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config import yaml_dialect as dialect
 from gbt_ocp.experiments.config.guidance import AnyGuidance, PlannerGuidance
@@ -25,7 +28,7 @@ from gbt_ocp.experiments.config.keys import (
 from gbt_ocp.experiments.config.limits import Limits
 from gbt_ocp.experiments.config.replay import Replay
 from gbt_ocp.experiments.config.target import CaseTarget, ManoeuvreTarget, ProblemTarget, TrackTarget, TurningTarget
-from gbt_ocp.experiments.config.tracker import AnyTracker, GaussianProcessTracker
+from gbt_ocp.experiments.config.tracker import GaussianProcessSection, TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.vehicle import FossenVehicle, ProblemVehicle
 
@@ -167,6 +170,17 @@ class DesiredBearing(Section):
     )
 
 
+def _any_tracker() -> Any:
+    """The sections of all kinds of trackers."""
+    return Union[tuple(kind.section for kind in TRACKERS.values())]  # noqa: UP007  # made when it is asked for
+
+
+if TYPE_CHECKING:
+    AnyTracker = TrackerSection
+else:
+    AnyTracker = _any_tracker()
+
+
 class Configuration(Section):
     """A checked experiment with every default filled in; made by :func:`gbt_ocp.load_config`."""
 
@@ -182,7 +196,9 @@ class Configuration(Section):
     )
     sensor: Sensor = Field(default_factory=Sensor, description="The bearing sensor.")
     tracker: AnyTracker = Field(
-        default_factory=lambda: GaussianProcessTracker(kind="gp"), description="How the target's motion is estimated."
+        default_factory=lambda: GaussianProcessSection(kind="gp"),
+        discriminator="kind",
+        description="How the target's motion is estimated.",
     )
     guidance: AnyGuidance = Field(
         default_factory=lambda: PlannerGuidance(kind="planner"), description="How the vehicle moves."
@@ -194,6 +210,10 @@ class Configuration(Section):
         default_factory=lambda: FossenVehicle(kind="fossen"), discriminator="kind", description="The vehicle."
     )
     replay: Replay = Field(default_factory=Replay, description="Recorded bearings replayed.")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle as a mapping: the class of a registered tracker's section need not be importable where it is read."""
+        return _unpickled, (self.model_dump(),)
 
     @property
     def problem_object(self) -> TrackingProblem:
@@ -232,6 +252,37 @@ class Configuration(Section):
     def to_yaml(self) -> str:
         """The resolved configuration as a file; loading it again gives an equal configuration."""
         return dialect.dump(self.to_mapping())
+
+
+def _unpickled(values: dict[str, Any]) -> Configuration:
+    """A configuration from its pickled mapping, in a process that may not have loaded its problem yet."""
+    with suppress(catalogue.ProblemError):  # a run says so itself, with all that it needs
+        catalogue.load_problem(values["problem"])
+    return Configuration.model_validate(values)
+
+
+def register_tracker(kind: TrackerKind) -> None:
+    """Add a kind of tracker, for as long as the program runs.
+
+    ``tracker.kind`` may name it from then on: in YAML files, on the command line, in sweeps and replays. A problem's
+    Python file is the place to call it for trackers of one's own.
+
+    Raises
+    ------
+    ValueError
+        If a kind of this package has the name.
+    """
+    there = TRACKERS.get(kind.name)
+    if there is not None and there.section.__module__ == TrackerSection.__module__:
+        raise ValueError(f"kind: found {kind.name!r}, which is a kind of this package; allowed: another name")
+    TRACKERS[kind.name] = kind
+    accept_registered()
+
+
+def accept_registered() -> None:
+    """Have configurations take the kinds of trackers that there are now."""
+    Configuration.model_fields["tracker"].annotation = _any_tracker()
+    Configuration.model_rebuild(force=True)
 
 
 def schema() -> dict[str, Any]:
