@@ -293,7 +293,7 @@ def test_options_of_the_compiled_solver_stay_with_it():
     planned = run["solver_status"] != ""
     assert np.sum(planned) >= 3
     # the first belief may be too wide for the standoff; then the limit on it is a penalty
-    assert set(run["fallback"][planned]) <= {"none", "relaxed"}
+    assert set(run["fallback"][planned]) <= {"none"}
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ from gbt_ocp.cli.exit_codes import DONE
 from gbt_ocp.cli.output import show
 from gbt_ocp.cli.subcommand import Subcommand
 from gbt_ocp.experiments.config.faults import ConfigurationError
-from gbt_ocp.simulation import run_folder
 
 
 def _add_animate(parser: argparse.ArgumentParser) -> None:
@@ -44,6 +43,8 @@ def _report(arguments: argparse.Namespace) -> int:
 
 def _write_from(arguments: argparse.Namespace, write: Callable[[Path, Path], Path], name: str) -> int:
     """Write a file about a run folder; where no name is given, under this name inside it."""
+    from gbt_ocp.simulation import run_folder
+
     folder: Path = arguments.run_dir
     missing = [part for part in run_folder.PARTS if not (folder / part).is_file()]
     if missing:

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from gbt_ocp.guidance.objectives import NEAR
 from gbt_ocp.models.sizes import positive
@@ -62,6 +62,8 @@ class RangeLimits:
         If there is no limit at all, one is not above 0, they exclude each other, or the confidence lies outside
         [0.5, 1).
     """
+
+    name: ClassVar[str] = "range"
 
     dimension: int
     nearest: float | None = None
@@ -115,7 +117,7 @@ class RangeLimits:
         range_ = ca.sqrt(ca.sumsqr(line) + NEAR**2)
         sight = line / range_
         spread = ca.sqrt(ca.mtimes([sight.T, parameters["covariance"], sight]) + NEAR**2)
-        margin = float(norm.ppf(self.confidence)) * spread
+        margin = float(ndtri(self.confidence)) * spread
         rows = []
         if self.nearest is not None:
             rows.append((range_ - margin) / self.nearest)
@@ -130,9 +132,9 @@ class RangeLimits:
             covariance = np.tile(covariance[:1], (pieces + 1, 1, 1))
         return {"mean": mean[..., None], "covariance": covariance}
 
-    def at_knot(self, mean: Any, covariance: Any) -> Mapping[str, Any]:
-        """The moments themselves."""
-        return {"mean": mean, "covariance": covariance}
+    def at_knot(self, mean: Any, covariance: Any, present: Any) -> Mapping[str, Any]:
+        """The moments themselves, or the present spread around the mean."""
+        return {"mean": mean, "covariance": covariance if self.foresee else present}
 
 
 @dataclass(frozen=True)
@@ -157,6 +159,7 @@ class FieldOfView:
     dimension: int
     half_angle: float
 
+    name: ClassVar[str] = "bow_angle"
     upper: ClassVar[Array] = np.full(1, np.inf)
     backoff: ClassVar[Array] = np.zeros(1)
 
@@ -189,6 +192,6 @@ class FieldOfView:
         """Means ``(p+1, d, 1)`` at the knots."""
         return {"mean": moments_at_knots(pieces, data, self)[0][..., None]}
 
-    def at_knot(self, mean: Any, covariance: Any) -> Mapping[str, Any]:
+    def at_knot(self, mean: Any, covariance: Any, present: Any) -> Mapping[str, Any]:
         """The mean."""
         return {"mean": mean}

@@ -12,7 +12,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from gbt_ocp.models.sizes import positive
 from gbt_ocp.typing import Array
@@ -172,6 +171,8 @@ class TrackTarget:
             raise ValueError(
                 f"start_time must lie within the {t[-1] - t[0]:.6g} s of the track, found {start_time:.6g}"
             )
+        from scipy.interpolate import CubicSpline  # takes a second to import, which other targets do not need
+
         self._spline = CubicSpline((t - t[0] - start_time) * time_scale, p * length_scale, extrapolate=False)
         self._shift = np.zeros(p.shape[1])
         if start is not None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import make_interp_spline
-from scipy.signal import lfilter
 
 from gbt_ocp.models.sizes import not_negative, positive
 from gbt_ocp.typing import Array
@@ -67,6 +65,8 @@ class TurningTarget:
         climb_rate_max: float = 0.1,
         speed_std: float = 0.0,
     ) -> None:
+        from scipy.interpolate import make_interp_spline  # takes a second to import, which other targets do not need
+
         if dimension not in (2, 3):
             raise ValueError(f"dimension must be 2 or 3, found {dimension}")
         if not 0.0 < hold[0] <= hold[1]:
@@ -96,6 +96,8 @@ class TurningTarget:
         heading += np.interp(t, begins, np.concatenate([[0.0], np.cumsum(np.diff(begins) * rates)]))
         log_speed = np.full(count, np.log(speed))
         if speed_std > 0.0:
+            from scipy.signal import lfilter
+
             keep = np.exp(-TURNING_STEP / SPEED_TIME)
             draws = speed_std * speeds.standard_normal(count)
             draws[1:] *= np.sqrt(1.0 - keep**2)

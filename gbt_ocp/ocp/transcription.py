@@ -10,13 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.problem_data import ProblemData
-from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective
+from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective, is_believed
 from gbt_ocp.ocp.trajectory import FlatPoint, propagate
 from gbt_ocp.typing import Array
 
@@ -114,13 +116,66 @@ def first_free_node(problem: ProblemData, constraint: Constraint) -> int:
     return 0 if problem.joined == 2 and ca.depends_on(value, point.ddz) else 1
 
 
+class LimitClass(IntEnum):
+    """Which limits give for which, the last first, where they cannot all be kept."""
+
+    THRUST = 0
+    """Moved by the acceleration: never given up."""
+    CERTAIN = 1
+    """On where the vehicle is and how fast, which it knows."""
+    BELIEVED = 2
+    """On the target, of which there is only a belief."""
+
+
+LIMIT_WEIGHT = 10.0
+"""Weight of a hard thrust limit where there are no others, for a violation of one unit of it at one node."""
+
+FIRST_TO_GIVE = 3.0
+"""The same where some limits may give, in units of :data:`LIMIT_WEIGHT`: their weight, unlike that of thrust limits, is
+not raised while they are broken, so it has to exceed their multipliers at once."""
+
+CLASS_RATIO = 10.0
+"""Weight of a hard limit over that of one of the class that gives before it."""
+
+
+def limit_class(problem: ProblemData, constraint: Constraint) -> LimitClass:
+    """The class of a constraint, which follows from what it depends on."""
+    if is_believed(constraint):
+        return LimitClass.BELIEVED
+    point = point_symbols(problem.vehicle.flat_dimension)
+    moved = ca.depends_on(ca.SX(ca.vertcat(constraint_value(constraint, point, ca.SX(0, 1)))), point.ddz)
+    return LimitClass.THRUST if moved else LimitClass.CERTAIN
+
+
+def hard_weights(problem: ProblemData) -> list[float]:
+    """Weight of each hard limit's l1 penalty, in units of :data:`LIMIT_WEIGHT`."""
+    classes = [limit_class(problem, limit.constraint) for limit in problem.hard]
+    present = sorted(set(classes), reverse=True)
+    first = 1.0 if present == [LimitClass.THRUST] else FIRST_TO_GIVE
+    return [first * CLASS_RATIO ** present.index(found) for found in classes]
+
+
+def limit_names(problem: ProblemData) -> tuple[str, ...]:
+    """What the constraints of a problem are called, each by another name.
+
+    That is their attribute ``name``, or the name of their class; equal ones are numbered from the second on.
+    """
+    names: list[str] = []
+    for constraint in problem.constraints:
+        name = str(getattr(constraint, "name", type(constraint).__name__))
+        count = sum(other == name or other.startswith(f"{name} ") for other in names)
+        names.append(f"{name} {count + 1}" if count else name)
+    return tuple(names)
+
+
 @dataclass(frozen=True)
 class Transcription:
     """The nonlinear program ``min objective + penalty`` subject to ``lower <= limits <= upper``.
 
     ``variables`` is u, piece by piece ``(freedoms p,)``; ``parameters`` stacks the start, the parameters of the
     objectives and of the constraints, and (ϖ, w_p, tightening) of each penalty. The penalty is ``Σ cost g(excess)``
-    with g of half width ``width``.
+    with g of half width ``width``. ``weight`` is the price of a violation of one unit of each limit that may give for
+    others, infinite of those that may not; ``rows`` says how many rows of ``limits`` each hard limit has.
     """
 
     variables: ca.MX
@@ -134,11 +189,48 @@ class Transcription:
     lower: Array
     upper: Array
     scale: Array
+    weight: Array
+    rows: tuple[int, ...]
+
+    def inward(self, tightening: ArrayLike) -> Array:
+        """By how much a tightening moves the bound of each row of ``limits``.
+
+        ``tightening`` is one number a constraint, hard ones first, or one for all, in units of the limits.
+        """
+        each = np.asarray(tightening, dtype=float)
+        per_limit = each[: len(self.rows)] if each.ndim else np.full(len(self.rows), float(each))
+        return np.asarray(np.repeat(per_limit, self.rows) * self.scale)
+
+    @property
+    def giving(self) -> list[int]:
+        """Rows of ``limits`` that may give for others."""
+        return np.flatnonzero(np.isfinite(self.weight)).tolist()
 
     @property
     def nlp(self) -> dict[str, ca.MX]:
-        """The program in CasADi's form."""
-        return {"x": self.variables, "p": self.parameters, "f": -self.objective + self.penalty, "g": self.limits}
+        """The program in CasADi's form.
+
+        Limits that may give for others have slacks ``l >= 0`` as further unknowns, the last ones, at an exact l1 price:
+        ``limits - l <= upper`` in their place among the limits, ``limits + l >= lower`` after everything else.
+        """
+        plain = {"x": self.variables, "p": self.parameters, "f": -self.objective + self.penalty, "g": self.limits}
+        return self._with_slacks(plain)
+
+    def _with_slacks(self, nlp: dict[str, ca.MX]) -> dict[str, ca.MX]:
+        rows = self.giving
+        if not rows:
+            return nlp
+        slack = ca.MX.sym("l", len(rows))
+        scaled = ca.DM(self.scale[rows]) * slack
+        full = ca.MX.zeros(self.limits.numel())
+        full[rows] = scaled
+        rest = nlp["g"][self.limits.numel() :]
+        return {
+            "x": ca.vertcat(nlp["x"], slack),
+            "p": nlp["p"],
+            "f": nlp["f"] + ca.dot(ca.DM(self.weight[rows]), slack),
+            "g": ca.vertcat(self.limits - full, rest, self.limits[rows] + scaled),
+        }
 
     @property
     def elastic_nlp(self) -> dict[str, ca.MX]:
@@ -150,12 +242,13 @@ class Transcription:
         """
         size = self.excess.numel()
         s, e = ca.MX.sym("s", size), ca.MX.sym("e", size)
-        return {
+        elastic = {
             "x": ca.vertcat(self.variables, s, e),
             "p": self.parameters,
             "f": -self.objective + ca.dot(self.cost, s + e**2 / (4.0 * self.width)),
             "g": ca.vertcat(self.limits, s + e - self.excess - self.width),
         }
+        return self._with_slacks(elastic)
 
 
 def transcribe(problem: ProblemData) -> Transcription:
@@ -190,7 +283,7 @@ def transcribe(problem: ProblemData) -> Transcription:
     for number, soft in enumerate(problem.penalties, start=len(problem.hard)):
         settings = ca.MX.sym("penalty", 3)
         parameters.append(settings)
-        width, weight, tightening = ca.vertsplit(settings)
+        width, w_p, tightening = ca.vertsplit(settings)
         c = soft.constraint
         function = constraint_function(problem, c)
         shares = np.linspace(0.0, 1.0, soft.nodes + 1)
@@ -206,12 +299,12 @@ def transcribe(problem: ProblemData) -> Transcription:
                 excess = sign * (values[rows, :] - ca.repmat(ca.DM(bound[rows]), 1, values.size2()))
                 excess += ca.repmat(inside[rows], 1, values.size2())
                 excesses.append(ca.vec(excess))
-                costs.append(weight * ca.vec(ca.repmat(weights.T, len(rows), 1)))
+                costs.append(w_p * ca.vec(ca.repmat(weights.T, len(rows), 1)))
                 widths.append(ca.repmat(width, excess.numel(), 1))
     excess, cost, width = (ca.vertcat(*parts) if parts else ca.MX(0, 1) for parts in (excesses, costs, widths))
 
-    limits, lower, upper, scale = [], [], [], []
-    for number, limit in enumerate(problem.hard):
+    limits, lower, upper, scale, weight = [], [], [], [], []
+    for number, (limit, price) in enumerate(zip(problem.hard, hard_weights(problem), strict=True)):
         c = limit.constraint
         shares = np.linspace(0.0, 1.0, limit.nodes + 1)[first_free_node(problem, c) :]
         function = constraint_function(problem, c)
@@ -220,6 +313,8 @@ def transcribe(problem: ProblemData) -> Transcription:
         lower.append(np.tile(c.lower + c.backoff, p * len(shares)))
         upper.append(np.tile(c.upper - c.backoff, p * len(shares)))
         scale.append(np.tile(c.scale, p * len(shares)))
+        thrust = limit_class(problem, c) == LimitClass.THRUST
+        weight.append(np.full(len(scale[-1]), np.inf if thrust else LIMIT_WEIGHT * price))
     empty = [np.zeros(0)]
     return Transcription(
         variables,
@@ -233,6 +328,8 @@ def transcribe(problem: ProblemData) -> Transcription:
         np.concatenate(lower or empty),
         np.concatenate(upper or empty),
         np.concatenate(scale or empty),
+        np.concatenate(weight or empty),
+        tuple(len(part) for part in scale),
     )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from gbt_ocp.ocp.plan import ANSWERED
 from gbt_ocp.reporting import style
 from gbt_ocp.reporting.drawable import drawable_history
 from gbt_ocp.reporting.trajectories import trajectories
@@ -25,6 +26,7 @@ _AXIS_NAMES = {3: ("surge", "sway", "yaw"), 4: ("surge", "sway", "heave", "yaw")
 _ANSWERS: dict[str, dict[str, Any]] = {
     "shifted": {"marker": "^", "color": style.PURPLE},
     "cold": {"marker": "s", "color": style.ORANGE},
+    "unfinished": {"marker": "D", "color": style.ORANGE},
     "braking": {"marker": "X", "color": style.BLACK},
 }
 
@@ -222,7 +224,7 @@ def _times(history: History, period: float) -> Figure:
     figure = style.new_figure(3.2)
     axes = figure.add_subplot()
     planned = history.planned
-    failed = planned & (history.solver_status != "solved")
+    failed = planned & ~np.isin(history.solver_status, ANSWERED)
     solver = 1e3 * history.solver_time
     tracker = 1e3 * history.tracker_time
     series = [np.array([1e3 * period])]

@@ -18,9 +18,11 @@ from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target
 from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.ocp.follower import BANDWIDTH
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.simulation.history import History
 from gbt_ocp.simulation.mover import Mover
+from gbt_ocp.simulation.plant import Plant
 from gbt_ocp.simulation.recorder import Recorder
 from gbt_ocp.simulation.step import Step
 from gbt_ocp.tracking.protocol import Forecast, GaussianProcess, PositionTracker, Tracker
@@ -44,13 +46,18 @@ class ClosedLoop:
     forecast_period
         Seconds between them; T in the paper.
     follow
-        ``exact``: the vehicle follows the planned flat output. ``dynamics``: its forward dynamics are integrated under
-        the planned thrust, clipped to the limits. A piece that no thrust within the limits can follow (of a braking
-        plan, at worst) is clipped and integrated either way.
+        ``exact``: the vehicle follows the planned flat output; a piece that no thrust within the limits can follow (of
+        a braking plan, at worst) is clipped and integrated, and so is the rest of that plan. ``dynamics``: the forward
+        dynamics are integrated from where the vehicle is, under the planned thrust, clipped to the limits.
+        ``feedback``: the same with a :class:`~gbt_ocp.ocp.follower.Follower` between plans.
     bound_delta
         δ of the recorded error bound.
     rng
         Source of the sensor's draws, and of the noise of the positions that a :class:`PositionTracker` is given.
+    plant
+        The vehicle that moves, where it is not the model; not with ``exact``.
+    follow_bandwidth
+        Of the follower, rad/s.
     """
 
     target: Target
@@ -62,9 +69,11 @@ class ClosedLoop:
     window: int
     forecast: int
     forecast_period: float
-    follow: Literal["exact", "dynamics"]
+    follow: Literal["exact", "dynamics", "feedback"]
     bound_delta: float
     rng: np.random.Generator
+    plant: Plant | None = None
+    follow_bandwidth: float = BANDWIDTH
 
     # what a protocol says of an object takes as long to find out as a step of a cheap tracker: asked once a loop
 
@@ -153,7 +162,7 @@ def simulate(
         The class of the history; a subclass may declare further arrays.
     """
     period, vehicle = loop.sensor.period, loop.vehicle
-    mover = Mover(vehicle, period, loop.follow)
+    mover = Mover(vehicle, period, loop.follow, loop.plant, loop.follow_bandwidth)
     flat = np.asarray(start, dtype=float)
     state = vehicle.state(flat[0], flat[1])
     steps = step_count(duration, period)
@@ -192,7 +201,7 @@ def simulate(
             loop.bearing_guidance.see(latest)
         decision = loop.guidance.decide(t, flat, usable)
         if isinstance(decision, Plan):
-            move = mover.follow(decision)
+            move = mover.follow(state, decision)
         elif isinstance(decision, Placement):
             move = mover.place(state, decision.position)
         else:

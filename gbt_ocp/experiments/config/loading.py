@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config import yaml_dialect as dialect
 from gbt_ocp.experiments.config.consistency import extremes, inconsistencies
 from gbt_ocp.experiments.config.faults import NOTHING, ConfigurationError, Fault, shown, value_at
-from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.experiments.config.schema import Configuration, is_text
 from gbt_ocp.experiments.config.tracker import ShapeTracker
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.validation import faults_of
@@ -55,7 +56,7 @@ _ALTERNATIVES: dict[tuple[str, ...], tuple[str, str]] = {
 
 # Another kind brings other keys; these belong to every kind of their section and stay.
 _SHARED: dict[tuple[str, ...], tuple[str, ...]] = {
-    ("vehicle",): ("start", "follow"),
+    ("vehicle",): ("start", "follow", "follow_bandwidth"),
     ("tracker",): ("window", "forecast", "forecast_period_s", "prior"),
 }
 
@@ -159,7 +160,7 @@ def _written(text: Any, label: str, faults: list[str]) -> dict[str, Any]:
     value = text
     if isinstance(text, str):
         try:
-            value, repeated = dialect.parse(text, label)
+            value, repeated = dialect.parse(text, label, is_text=is_text)
         except dialect.YamlError as fault:
             raise ConfigurationError([str(fault)]) from fault
         faults += repeated
@@ -183,7 +184,7 @@ def _plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
-    return str(value) if isinstance(value, Path) else value
+    return str(value) if isinstance(value, Path | date) else value
 
 
 def _override(line: str, faults: list[str]) -> _Layer | None:
@@ -193,7 +194,7 @@ def _override(line: str, faults: list[str]) -> _Layer | None:
         faults.append(f"--set: found {shown(line)}; allowed: key.path=value")
         return None
     try:
-        value, repeated = dialect.parse(text, f"--set {key}")
+        value, repeated = dialect.parse(text, f"--set {key}", is_text=is_text, at=tuple(parts))
     except dialect.YamlError as fault:
         faults.append(str(fault))
         return None

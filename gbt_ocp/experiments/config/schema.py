@@ -9,17 +9,21 @@ knows the problem.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 from pydantic import Field
+from pydantic.fields import FieldInfo
 
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config import yaml_dialect as dialect
+from gbt_ocp.experiments.config.allowed import holds_texts
 from gbt_ocp.experiments.config.desired_bearing import DesiredBearing
 from gbt_ocp.experiments.config.guidance import AnyGuidance, PlannerGuidance
-from gbt_ocp.experiments.config.keys import Section, key, kinds_in
+from gbt_ocp.experiments.config.keys import Section, key, kinds_in, sections_in
 from gbt_ocp.experiments.config.limits import Limits, RangeLimit
 from gbt_ocp.experiments.config.planner import Planner
+from gbt_ocp.experiments.config.plant import Plant
 from gbt_ocp.experiments.config.replay import Replay
 from gbt_ocp.experiments.config.sensor import Sensor
 from gbt_ocp.experiments.config.target import CaseTarget, ManoeuvreTarget, ProblemTarget, TrackTarget, TurningTarget
@@ -54,6 +58,7 @@ class Configuration(Section):
     vehicle: FossenVehicle | ProblemVehicle = Field(
         default_factory=lambda: FossenVehicle(kind="fossen"), discriminator="kind", description="The vehicle."
     )
+    plant: Plant = Field(default_factory=Plant, description="How the vehicle that moves differs from its model.")
     replay: Replay = Field(default_factory=Replay, description="Recorded bearings replayed.")
 
     @property
@@ -99,3 +104,13 @@ class Configuration(Section):
 def kinds(section: str) -> list[str]:
     """Values of ``kind`` between which a section of the configuration chooses, sorted."""
     return kinds_in(Configuration.model_fields[section].annotation)
+
+
+def is_text(path: Sequence[str]) -> bool:
+    """Whether the key at a path holds a text or a list of texts, in every section that may stand there."""
+    sections: list[type[Section]] = [Configuration]
+    fields: list[FieldInfo] = []
+    for name in path:
+        fields = [section.model_fields[name] for section in sections if name in section.model_fields]
+        sections = [inner for field in fields for inner in sections_in(field.annotation)]
+    return bool(fields) and all(map(holds_texts, fields))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from gbt_ocp.models.vehicles import drift
+from gbt_ocp.models.vehicles import acceleration
 from gbt_ocp.ocp.check import FINE_POINTS
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_array, c_function, c_source
 from gbt_ocp.ocp.codegen.options import CompiledOptions
@@ -19,7 +20,10 @@ from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.ocp.transcription import (
     constraint_value,
     first_free_node,
+    hard_weights,
     input_scale,
+    limit_class,
+    limit_names,
     limit_size,
     stacked_size,
     unstacked,
@@ -108,9 +112,13 @@ def generate_problem(problem: ProblemData, options: CompiledOptions | None = Non
             c_source(functions),
             c_array("gbt_real", "gbt_input_scale", input_scale(problem), const="const"),
             c_array("gbt_real", "gbt_acceleration_scale", problem.vehicle.acceleration_scale, const="const"),
+            c_array("gbt_real", "gbt_thrust_max", problem.vehicle.thrust_max, const="const"),
             objective_text,
             *(limit.tables for limit in limits),
             f"const gbt_limit gbt_limits[] = {{\n{table}\n}};\n",
+            "const char *const gbt_limit_names[] = {"
+            + ", ".join([*map(json.dumps, limit_names(problem)), "0"])
+            + "};\n",
         ]
     )
     return GeneratedProblem(header, source)
@@ -127,9 +135,10 @@ def _published(problem: ProblemData) -> list[ca.Function]:
     """What the planner around the solver needs: the vehicle, and the parameters of the objective."""
     size, d = problem.vehicle.flat_dimension, problem.vehicle.position_dimension
     point, z, dz = ca.SX.sym("point", 3 * size), ca.SX.sym("z", size), ca.SX.sym("dz", size)
+    thrust = ca.SX.sym("thrust", len(problem.vehicle.thrust_max))
     functions = [
         c_function("gbt_vehicle_inputs", [point], problem.vehicle.inputs(*_split(point, size))),
-        c_function("gbt_vehicle_drift", [z, dz], drift(problem.vehicle, z, dz)),
+        c_function("gbt_vehicle_acceleration", [z, dz, thrust], acceleration(problem.vehicle, z, dz, thrust)),
     ]
     if from_moments(problem):
         mean, root, desired = ca.SX.sym("mean", d), ca.SX.sym("root", d, d), ca.SX.sym("desired", d)
@@ -139,13 +148,13 @@ def _published(problem: ProblemData) -> list[ca.Function]:
                 values = term.from_moments(mean, root, desired)
                 stacked += [ca.vec(ca.densify(values[name])) for name in term.shapes]
         functions.append(c_function("gbt_prepare", [mean, root, desired], ca.vertcat(*stacked)))
-        covariance, numbers = ca.SX.sym("covariance", d, d), []
+        covariance, present, numbers = ca.SX.sym("covariance", d, d), ca.SX.sym("present", d, d), []
         for constraint in problem.constraints:
             if isinstance(constraint, LimitFromMoments):
-                values = constraint.at_knot(mean, covariance)
+                values = constraint.at_knot(mean, covariance, present)
                 numbers += [ca.vec(ca.densify(values[name])) for name in constraint.shapes]
         if numbers:
-            functions.append(c_function("gbt_prepare_limits", [mean, covariance], ca.vertcat(*numbers)))
+            functions.append(c_function("gbt_prepare_limits", [mean, covariance, present], ca.vertcat(*numbers)))
     return functions
 
 
@@ -218,7 +227,7 @@ def _limit(problem: ProblemData, number: int, limit: HardLimit | PenaltyLimit, m
         c_function(f"{name}_curvature", [place, first, second], curves),
     ]
     sides = _sides(constraint)
-    weights, widths = _penalty(problem, limit, [side[0] for side in sides])
+    weights, widths = _penalty(problem, number, limit, [side[0] for side in sides])
     given = first_free_node(problem, constraint)
     begin = given if isinstance(limit, HardLimit) else 0
     tables: Sequence[tuple[str, str, Any]] = (
@@ -234,8 +243,9 @@ def _limit(problem: ProblemData, number: int, limit: HardLimit | PenaltyLimit, m
         ("int", "curvature_column", curve_columns),
     )
     hard, judged = int(isinstance(limit, HardLimit)), int(problem.judged[number])
+    kind = ("GBT_THRUST", "GBT_CERTAIN", "GBT_BELIEVED")[limit_class(problem, constraint)]
     definition = (
-        f"    {{{value.numel()}, {len(sides)}, {limit.nodes}, {begin}, {hard}, {given}, {judged},\n"
+        f"    {{{value.numel()}, {len(sides)}, {limit.nodes}, {begin}, {hard}, {kind}, {given}, {judged},\n"
         f"     {name}_side_row, {name}_side_sign, {name}_side_bound,\n"
         f"     {name}_side_edge, {name}_side_weight, {name}_side_width,\n"
         f"     {name}_value, {name}_jacobian, {name}_curvature,\n"
@@ -254,10 +264,12 @@ def _limit(problem: ProblemData, number: int, limit: HardLimit | PenaltyLimit, m
     )
 
 
-def _penalty(problem: ProblemData, limit: HardLimit | PenaltyLimit, rows: list[int]) -> tuple[list[float], list[float]]:
+def _penalty(
+    problem: ProblemData, number: int, limit: HardLimit | PenaltyLimit, rows: list[int]
+) -> tuple[list[float], list[float]]:
     """Weight at an inner node and half width of each side, with the constraint normalised by its scale."""
     if isinstance(limit, HardLimit):
-        return [0.0] * len(rows), [0.0] * len(rows)
+        return [hard_weights(problem)[number]] * len(rows), [0.0] * len(rows)
     scale = limit.constraint.scale[rows]
     step = problem.period / limit.nodes
     return (limit.weight * step * scale).tolist(), (limit.width / scale).tolist()
@@ -294,6 +306,10 @@ GBT_BEGIN_C
 #define GBT_DEFAULT_SETTINGS \\
     {settings}
 
+/* Which limits give for which, the last first, where they cannot all be kept: thrust never, those on what the vehicle
+   knows of itself after those on what it believes of the target. */
+typedef enum {{ GBT_THRUST, GBT_CERTAIN, GBT_BELIEVED }} gbt_limit_class;
+
 /* A function of a point (z, its rate and its acceleration) and of what else it needs. */
 typedef void (*gbt_function)(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *out);
 
@@ -308,12 +324,14 @@ typedef struct {{
 /* A constraint in units of its limits, imposed at times k T / intervals of every piece, k = first .. intervals. */
 typedef struct {{
     int rows, sides, intervals, first, hard;
+    gbt_limit_class kind;
     int given;                       /* at the start of the trajectory no plan can change it */
     int judged;                      /* a piece that breaks it is not executed */
     const int *row;                  /* of each side: which value is bounded, */
     const gbt_real *sign, *bound;    /* to be kept at sign * value <= bound, */
     const gbt_real *edge;            /* which may lie within the true limit, */
-    const gbt_real *weight, *width;  /* and of a penalty its weight at an inner node and its half width */
+    const gbt_real *weight, *width;  /* the weight of a hard limit's class, or that of a penalty at an inner node and
+                                        its half width */
     gbt_function value;              /* (place) -> values; a place is a point and the GBT_MOVING numbers */
     gbt_function jacobian;           /* (place) -> nonzeros */
     gbt_function curvature;          /* (place, first, second) -> Hessian of first'value + J' diag(second) J */
@@ -326,17 +344,20 @@ typedef struct {{
 extern const gbt_real gbt_input_scale[]; /* natural sizes of what is free in a piece */
 extern const gbt_objective_functions gbt_objective;
 extern const gbt_limit gbt_limits[];
+extern const char *const gbt_limit_names[]; /* in the same order */
 extern const gbt_real gbt_acceleration_scale[GBT_FLAT]; /* typical acceleration under full thrust */
+extern const gbt_real gbt_thrust_max[GBT_INPUTS];
 
 void gbt_vehicle_inputs(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *inputs);
-/* The acceleration without thrust, from z and its rate. */
-void gbt_vehicle_drift(const gbt_real *z, const gbt_real *dz, const gbt_real *third, gbt_real *ddz);
+/* The acceleration under a thrust, from z and its rate. */
+void gbt_vehicle_acceleration(const gbt_real *z, const gbt_real *dz, const gbt_real *inputs, gbt_real *ddz);
 #if GBT_MOMENTS
 /* Parameters of the objective at an endpoint, from mean, symmetric root of the covariance and desired bearing. */
 void gbt_prepare(const gbt_real *mean, const gbt_real *root, const gbt_real *desired, gbt_real *parameters);
 #if GBT_PRESENT
-/* Numbers of the path constraints at a boundary of the pieces, from mean and covariance there. */
-void gbt_prepare_limits(const gbt_real *mean, const gbt_real *covariance, const gbt_real *third, gbt_real *moving);
+/* Numbers of the path constraints at a boundary of the pieces, from mean and covariance there and the covariance at the
+   beginning of the plan. */
+void gbt_prepare_limits(const gbt_real *mean, const gbt_real *covariance, const gbt_real *present, gbt_real *moving);
 #endif
 #endif
 
