@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 
 from gbt_ocp.ocp.plan import ANSWERED
 from gbt_ocp.reporting import style
+from gbt_ocp.reporting.drawable import drawable_history
 from gbt_ocp.reporting.trajectories import trajectories
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.history import History
@@ -92,7 +93,7 @@ def write_figures(run_dir: str | os.PathLike[str]) -> list[Path]:
     """
     folder = Path(run_dir)
     _, configuration = run_folder.read_configuration(folder)
-    history = History.load_npz(folder / run_folder.HISTORY)
+    history = drawable_history(folder)
     figures = draw_figures(history, configuration, run_folder.read_summary(folder))
     place = folder / run_folder.FIGURES
     place.mkdir(exist_ok=True)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from gbt_ocp.files import packaged_text, whole_file
 from gbt_ocp.ocp.plan import ANSWERED
+from gbt_ocp.reporting.drawable import drawable_history
 from gbt_ocp.reporting.figures import draw_figures
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.history import History
@@ -94,7 +95,7 @@ def report_page(run_dir: str | os.PathLike[str]) -> str:
     """
     folder = Path(run_dir)
     text, configuration = run_folder.read_configuration(folder)
-    history = History.load_npz(folder / run_folder.HISTORY)
+    history = drawable_history(folder)
     summary = run_folder.read_summary(folder)
     title = f"{configuration.get('name', 'run')}, seed {summary.get('seed')}"
     figures = draw_figures(history, configuration, summary)

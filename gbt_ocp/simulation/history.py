@@ -126,7 +126,7 @@ class History:
     Raises
     ------
     ValueError
-        If arrays disagree about K, d, n, the number of inputs or of outputs.
+        If arrays disagree about K, d, n, the number of inputs or of outputs, or times do not increase.
     """
 
     t: Array = column("t", lambda step: step.time, "s", meaning="Times t_k")
@@ -282,6 +282,9 @@ class History:
                     )
         if not self.t.size:
             raise ValueError("history: found no steps; allowed: at least one")
+        wrong = np.flatnonzero(~np.isfinite(self.t) | (np.diff(self.t, prepend=-np.inf) <= 0.0))
+        if wrong.size:
+            raise ValueError(f"history: t: found {self.t[wrong[0]]} at step {wrong[0]}; allowed: times that increase")
         if self.dimension not in (2, 3):
             raise ValueError(f"history: found positions with {self.dimension} coordinates; allowed: 2 or 3")
 
@@ -337,7 +340,7 @@ class History:
         Raises
         ------
         ValueError
-            If the file is no ``.npz``, an array is missing, or shapes disagree.
+            If the file is no ``.npz``, an array is missing, shapes disagree, or times do not increase.
         """
         declared = columns(cls)
         needed = [one.name for one in declared if not one.optional]

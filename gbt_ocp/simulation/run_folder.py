@@ -109,6 +109,9 @@ def read_configuration(folder: Path) -> tuple[str, dict[str, Any]]:
     path = folder / CONFIGURATION
     try:
         text = path.read_text(encoding="utf-8")
+        # nested, they stand for more than a computer holds
+        if "*" in text and any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, _LOADER)):
+            raise ValueError("found an alias; allowed: values, as gbt-ocp run writes them")
         mapping = yaml.load(text, _LOADER)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ValueError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from None
