@@ -13,6 +13,7 @@ from gbt_ocp.ocp import Planner, ShootingPlanner, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.codegen.library import find_compiler
 from gbt_ocp.ocp.codegen.problem_source import from_moments
 from gbt_ocp.ocp.export.verification import verify_folder
+from gbt_ocp.ocp.limit_classes import LimitClass, limit_class
 
 VEHICLE = PlanarPointMass(mass=1.0, drag=0.2, thrust_max=(2.0, 2.0))
 PLAIN = TrajectoryProblem(VEHICLE, 10, 0.2).subject_to(ThrustLimit(VEHICLE))
