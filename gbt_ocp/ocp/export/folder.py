@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shlex
 import shutil
 import subprocess
 import tempfile
@@ -130,7 +131,7 @@ def _sizes(draft: Path, scratch: Path) -> dict[str, int | str | None]:
     if compiler is None or make is None or size is None:
         return nothing
     out = scratch.resolve() / "sizes"  # make runs in another folder
-    command = [make, "-C", str(draft), f"OUT={out}", f"CC={compiler}"]
+    command = [make, "-C", str(draft), f"OUT={out}", f"CC={shlex.join(compiler)}"]
     built = subprocess.run(command, capture_output=True, text=True, check=False)
     if built.returncode != 0:
         raise RuntimeError(f"the generated code does not compile: {built.stderr.strip()[-2000:]}")
@@ -139,7 +140,7 @@ def _sizes(draft: Path, scratch: Path) -> dict[str, int | str | None]:
     text, data = (int(number) for number in measured.stdout.splitlines()[-1].split()[:2])
     shown = subprocess.run([str(out / "example")], capture_output=True, text=True, check=False)
     words = shown.stdout.splitlines()[-1].split()
-    name = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False).stdout.splitlines()[0]
+    name = subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False).stdout.splitlines()[0]
     return {
         "compiler": f"{name}, -O2",
         "code": text + data,

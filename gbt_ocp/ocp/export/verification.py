@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 import subprocess
 import tempfile
@@ -55,7 +56,7 @@ def verify_folder(folder: str | Path, *, flags: str = "-O2 -Werror") -> Verifica
     if compiler is None or make is None:
         raise CompilerError("verification needs a C compiler and make")
     with tempfile.TemporaryDirectory() as scratch:
-        build = [make, "-C", str(source), f"OUT={scratch}", f"CC={compiler}", f"CFLAGS={flags}"]
+        build = [make, "-C", str(source), f"OUT={scratch}", f"CC={shlex.join(compiler)}", f"CFLAGS={flags}"]
         built = subprocess.run(build, capture_output=True, text=True, check=False)
         if built.returncode != 0:
             return Verification(np.inf, 0, (f"{' '.join(build)}: {built.stderr.strip()[-2000:]}",))
