@@ -75,53 +75,9 @@ def _std_now(covariance: Array) -> Array:
 class History:
     """Everything recorded at t_k = 0, T, … up to the duration: K samples, arrays time first, SI units, radians.
 
-    <<<<<<< HEAD
-
-    Attributes
-    ----------
-    t
-        Times t_k, ``(K,)``, s.
-    vehicle_pose
-        Position P_A and yaw ψ, earth frame, ``(K, d+1)``; m and rad.
-    vehicle_velocity
-        Body-frame ν: surge, sway, (heave,) yaw rate, ``(K, d+1)``; m/s and rad/s.
-    thrust
-        Body-frame τ at t_k, the start of the executed piece, ``(K, d+1)``; N, and N m for yaw.
-    piece_thrust_peak
-        Largest |τ|/τ_max of each axis on the fine grid of the piece executed from step k, ``(K, d+1)``. NaN in the
-        last row when no piece is executed from there.
-    target
-        True position P_T, ``(K, d)``, m.
-    bearing, detected
-        Measured bearing λ ``(K, d)`` (NaN when missed) and whether there was one, ``(K,)`` bool.
-    desired_bearing
-        Desired bearing at t_k, ``(K, d)``.
-    forecast_mean, forecast_cov
-        Posterior mean μ_k and covariance Σ_k at T_k = {t_k, …, t_{k+n}}, ``(K, n+1, d)`` m, ``(K, n+1, d, d)`` m².
-    error, bound
-        ‖μ_k(t) - P_T(t)‖ at T_k and the theorem's bound on it, ``(K, n+1)``, m.
-    length_scale, amplitude, nugget
-        Hyperparameters of the tracker, ``(K,)``; s, m, and a variance relative to the kernel's. NaN if it has none.
-    prior_cov
-        Prior covariance of the target's coordinates under the hyperparameters, ``(K, d, d)``, m²; off the diagonal
-        the R_xy, R_xz, R_yz of the linear model of coregionalization. NaN likewise.
-    condition_number
-        Of the cumulative bearing matrix of the window, ``(K,)``; infinite while it is singular.
-    objective, violation
-        Of the plan: value of the objective, and largest |τ|/τ_max - 1 (at least 0) on its fine grid, ``(K,)``.
-    solver_status
-        "solved", the solver's own word otherwise, "" where nothing was solved; ``(K,)`` text.
-    solver_iterations, solver_time, tracker_time
-        ``(K,)``; count, s, s. Without a solver 0 iterations and NaN time.
-    fallback
-        Answer to a failed solve: "" | "shifted" | "cold" | "unfinished" | "braking"; ``(K,)`` text.
-    plan
-        Endpoints of the planned pieces, ``(K, p, d+1)``; p may be 0.
-    =======
     Arrays are converted to contiguous float64, int64, bool or unicode, so equal histories are saved as equal bytes.
     Each is declared once, in the order of the file. One more declaration, here or in a subclass that
     :func:`~gbt_ocp.simulation.loop.simulate` is given, records one more array.
-    >>>>>>> main
 
     Raises
     ------
