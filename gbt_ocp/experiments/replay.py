@@ -26,7 +26,7 @@ from gbt_ocp.simulation.summary import installed_versions
 from gbt_ocp.tracking.protocol import PositionTracker
 
 SHIPPED = "replay"
-"""The configuration that is taken where none is given."""
+"""The default configuration."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,13 @@ class Replayed:
     Attributes
     ----------
     configuration
-        What was asked for.
+        The resolved configuration.
     log
         The log.
     tracks
-        One a tracker.
+        One for each tracker.
     summary
-        Of each tracker by name (see :func:`~gbt_ocp.simulation.replay_scores.scores`), and what concerns all.
+        Scores of each tracker by name (see :func:`~gbt_ocp.simulation.replay_scores.scores`), and numbers of the log.
     """
 
     configuration: Configuration
@@ -51,7 +51,7 @@ class Replayed:
     summary: dict[str, Any]
 
     def save(self, folder: str | os.PathLike[str], figures: bool = True) -> Path:
-        """Write the folder whole: ``config.yaml``, ``summary.json``, ``scores.md``, ``NAME.csv``, ``figures/*.png``.
+        """Write the folder: ``config.yaml``, ``summary.json``, ``scores.md``, ``NAME.csv``, ``figures/*.png``.
 
         Raises
         ------
@@ -122,7 +122,7 @@ def replay(
         changes.append(f"replay.latency_s={latency}")
     if where:
         changes.append(f"replay.where={json.dumps(dict(where))}")
-    # a plane problem stands for all: of the problem nothing but its dimension counts
+    # a problem in the plane at first: only the dimension of the problem matters
     config = load_config(configuration, changes)
     section = config.replay
     if section.bearing_from is None:
@@ -178,7 +178,7 @@ def replay(
 def _trackers(
     config: Configuration, source: str | Path | Mapping[str, Any], changes: Sequence[str], names: Sequence[str]
 ) -> dict[str, Configuration]:
-    """A configuration for each tracker that is asked for."""
+    """A configuration for each of the named trackers."""
     own, further = config.tracker.kind, config.replay.trackers
     allowed = list(dict.fromkeys([own, *further]))
     if list(names) == ["all"]:
@@ -197,7 +197,7 @@ def _trackers(
 
 
 def _write_track(path: Path, track: ReplayedTrack, log: BearingLog) -> None:
-    """One line a bearing: time, position, its covariance, range with deviation, residual in degrees."""
+    """One line for each bearing: time, position, its covariance, range with deviation, residual in degrees."""
     d = log.dimension
     axes = "xyz"[:d]
     pairs = [(i, j) for i in range(d) for j in range(i, d)]
