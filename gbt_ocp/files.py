@@ -43,7 +43,7 @@ def read_arrays(
     names
         Of the arrays.
     kind
-        What the file should be, for the line that says that it is none.
+        What the file should be, for the message.
     optional
         Names of arrays that the file may lack.
 

@@ -83,7 +83,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
 
 CODEGEN = Subcommand(
     "codegen",
-    "write the planner of an experiment as C that stands alone",
+    "write the planner of an experiment as C without dependencies",
     ("gbt-ocp codegen case2 --out planner_c --set planner.formulation=hard --verify",),
     _add_arguments,
     _carry_out,

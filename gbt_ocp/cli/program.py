@@ -1,7 +1,7 @@
 """The program ``gbt-ocp``: the command line, and Ctrl-C while it is loaded and after it is done.
 
-Loading takes a second, in which an interrupt would end in a traceback of whatever was being imported. Until the command
-line answers interrupts itself, they are answered here.
+Loading takes a second, in which an interrupt would end in a traceback from the module that was being imported. Until
+the command line answers interrupts itself, they are answered here.
 """
 
 from __future__ import annotations

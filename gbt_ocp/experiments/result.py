@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class WritesYaml(Protocol):
-    """What a result asks of a configuration: its resolved YAML, with `vehicle.thrust_max` and `sensor.period_s`."""
+    """What a result needs of a configuration: its resolved YAML, with `vehicle.thrust_max` and `sensor.period_s`."""
 
     def to_yaml(self) -> str:
         """Return the text of ``config.yaml``, every default written out."""

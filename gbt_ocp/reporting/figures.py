@@ -15,7 +15,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gbt_ocp.ocp.plan import ANSWERED
 from gbt_ocp.reporting import style
 from gbt_ocp.reporting.drawable import drawable_history
 from gbt_ocp.reporting.trajectories import trajectories
@@ -226,7 +225,7 @@ def _times(history: History, period: float) -> Figure:
     figure = style.new_figure(3.2)
     axes = figure.add_subplot()
     planned = history.planned
-    failed = planned & ~np.isin(history.solver_status, ANSWERED)
+    failed = planned & ~history.answered
     solver = 1e3 * history.solver_time
     tracker = 1e3 * history.tracker_time
     series = [np.array([1e3 * period])]

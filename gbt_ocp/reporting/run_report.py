@@ -16,7 +16,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from gbt_ocp.files import packaged_text, whole_file
-from gbt_ocp.ocp.plan import ANSWERED
 from gbt_ocp.reporting.drawable import drawable_history
 from gbt_ocp.reporting.figures import draw_figures
 from gbt_ocp.simulation import run_folder
@@ -162,7 +161,7 @@ def _ledger(history: History, summary: dict[str, Any]) -> list[str]:
             ],
         ),
     ]
-    failed = np.flatnonzero(planned & (~np.isin(history.solver_status, ANSWERED) | (history.fallback != "")))
+    failed = np.flatnonzero(planned & (~history.answered | (history.fallback != "")))
     if not len(failed):
         return [*lines, "<p>Every plan was solved at the first try.</p>"]
     shown = failed[:MOST_FAILURES]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.files import read_arrays
 from gbt_ocp.models.bearings import condition_number, cumulative_bearing_matrix
-from gbt_ocp.ocp.plan import Plan, ShootingPlan
+from gbt_ocp.ocp.plan import ANSWERED, Plan, ShootingPlan
 from gbt_ocp.simulation.columns import SAME_LENGTH, UNKNOWN, column, columns, recorded
 from gbt_ocp.simulation.step import Step
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, GaussianProcess, relative_range_std
@@ -197,7 +197,7 @@ class History:
         "t",
         _planned(lambda plan: plan.fallback, ""),
         kind=str,
-        meaning="Answer to a failed solve: ``shifted``, ``cold``, ``relaxed``, ``braking``, or nothing",
+        meaning="Answer to a failed solve: ``shifted``, ``cold``, ``unfinished``, ``braking``, or nothing",
     )
     desired_bearing: Array = column("t axis", lambda step: step.desired_bearing, meaning="Desired bearing λ* at t_k")
     piece_thrust_peak: Array = column(
@@ -243,6 +243,11 @@ class History:
             raise ValueError(f"history: t: found {self.t[wrong[0]]} at step {wrong[0]}; allowed: times that increase")
         if self.dimension not in (2, 3):
             raise ValueError(f"history: found positions with {self.dimension} coordinates; allowed: 2 or 3")
+
+    @property
+    def answered(self) -> NDArray[np.bool_]:
+        """Whether the first attempt of a step succeeded, be it that limits had to give ``(K,)``."""
+        return np.isin(self.solver_status, ANSWERED)
 
     @property
     def dimension(self) -> int:

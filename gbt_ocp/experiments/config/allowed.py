@@ -88,7 +88,7 @@ def _branches(annotation: Any, added: Iterable[Any]) -> Iterator[tuple[Any, list
         for argument in arguments:
             yield from _branches(argument, added)
     else:
-        # the bounds of ``Field(gt=0.0)`` stand in its own list
+        # the bounds of ``Field(gt=0.0)`` are in a list of the field
         yield (
             annotation,
             [one for entry in added for one in (entry.metadata if isinstance(entry, FieldInfo) else [entry])],

@@ -1,7 +1,7 @@
-"""What no single key shows: keys that contradict each other, the problem, or the files they name.
+"""Faults between keys: keys that contradict each other, the problem, or the files that they name.
 
-The checks read the merged mapping and not the checked models, so that they report beside the faults of single keys
-instead of after them; a value of the wrong type is left to the models.
+The checks read the merged mapping and not the checked models, so that their faults come together with those of
+single keys and not after them. A value of the wrong type is left to the models.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from gbt_ocp.experiments.build.trackers import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.faults import NOTHING, Fault, shown, value_at
 from gbt_ocp.experiments.config.keys import Section
@@ -20,7 +21,7 @@ from gbt_ocp.experiments.config.planner import Planner
 from gbt_ocp.experiments.config.plant import Plant
 from gbt_ocp.experiments.config.schema import Configuration, kinds
 from gbt_ocp.experiments.config.sensor import Sensor
-from gbt_ocp.experiments.config.tracker import ShapeTracker, TrackerSection
+from gbt_ocp.experiments.config.tracker import GaussianProcessSection, ShapeSection, TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 
 _BINS = ("bin_s", "window_s")
@@ -54,7 +55,7 @@ def _number(merged: Mapping[str, Any], path: tuple[str, ...], default: Any) -> f
     value = value_at(merged, path)
     value = default if value is NOTHING else value
     number = isinstance(value, int | float) and not isinstance(value, bool) and is_moderate(value)
-    return value if number else None  # sizes that are none are said elsewhere
+    return value if number else None  # extremes() reports the others
 
 
 def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
@@ -73,7 +74,7 @@ def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
     if ahead is not None and period is not None and min(ahead, period) > 0.0:
         share = (piece or period) / ahead
         if abs(share - round(share)) > 1e-6 or round(share) < 1:
-            allowed = f"null, or a whole part of a piece, planner.period_s = {piece or period:.6g}"
+            allowed = f"null, or a piece divided by a whole number, planner.period_s = {piece or period:.6g}"
             yield Fault(("tracker", "forecast_period_s"), shown(ahead), allowed)
     if piece is not None and period is not None and min(piece, period) > 0.0:
         steps = piece / period
@@ -111,11 +112,13 @@ def _one_of(merged: Mapping[str, Any], path: tuple[str, ...], first: str, second
 
 
 def _noise(merged: Mapping[str, Any]) -> Iterator[Fault]:
-    """What the tracker is told of noise beside what the sensor makes."""
-    path, kind = ("tracker", "noise"), value_at(merged, ("tracker", "kind"))
-    if kind in ("motion_gp", "mixture"):
-        yield from _bins(merged, ("tracker",), ShapeTracker, 4)
-    if not isinstance(value_at(merged, path), Mapping) or kind != "gp":
+    """The noise that the tracker expects, beside that of the sensor."""
+    path, kind = ("tracker", "noise"), TRACKERS.get(str(value_at(merged, ("tracker", "kind"))))
+    if kind is not None and issubclass(kind.section, ShapeSection):
+        yield from _bins(merged, ("tracker",), ShapeSection, 4)
+    if kind is None or not issubclass(kind.section, GaussianProcessSection):
+        return
+    if not isinstance(value_at(merged, path), Mapping):
         return
     if value_at(merged, (*path, "std_deg")) in (NOTHING, None) and not _number(merged, ("sensor", "noise_deg"), 0.0):
         yield Fault((*path, "std_deg"), "null", "a number > 0 where sensor.noise_deg is 0")
@@ -168,8 +171,8 @@ def _limits(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Itera
     near, far, margin = (_number(merged, (*path, name), 0.0) for name in ("nearest_m", "farthest_m", "margin_m"))
     between = (far or 0.0) - (near or 0.0)
     if margin is not None and 0.0 < between <= 2.0 * margin:
-        told = f"a number < {0.5 * between:.6g}, half of what lies between the limits"
-        yield Fault((*path, "margin_m"), shown(margin), told)
+        allowed = f"a number < {0.5 * between:.6g}, half of what lies between the limits"
+        yield Fault((*path, "margin_m"), shown(margin), allowed)
     if isinstance(value_at(merged, ("limits", "range")), Mapping) and all(
         value_at(merged, ("limits", "range", name)) in (NOTHING, None) for name in ("nearest_m", "farthest_m")
     ):

@@ -13,7 +13,7 @@ class Replay(Section):
     bearing_from: Literal["x", "north"] | None = key(
         None,
         "Where bearings are counted from: x is counter-clockwise from +x, north is clockwise from +y.",
-        "x, north, or null with --bearing-from",
+        "x, north, or null beside --bearing-from",
     )
     latency_s: float = key(0.0, "Time in s by which a logged bearing is older than its time stamp.", ge=0.0)
     ahead_s: float = key(10.0, "Time in s by which a forecast is scored.", ge=0.0)

@@ -91,7 +91,7 @@ def parse(
     except RecursionError:
         raise YamlError(f"{label}: found more levels than can be read; allowed: YAML") from None
     except Exception as fault:
-        # a tag that does not fit its value ends in whatever its constructor stumbles over: `!!int ''`, `!!timestamp x`
+        # a tag that does not fit its value raises what its constructor happens to raise: `!!int ''`, `!!timestamp x`
         raise YamlError(f"{label}: found {_one_line(fault)}; allowed: YAML") from fault
     finally:
         if loader is not None:
@@ -109,7 +109,7 @@ def shortened(text: str) -> str:
 
 
 def _one_line(problem: object) -> str:
-    """What a library says, on one line; nothing but the name of an exception that says what only its author knows."""
+    """The message of a library on one line; for exceptions with messages for its authors, a message of our own."""
     if isinstance(problem, Exception) and not isinstance(problem, ValueError):
         return "a value that does not fit its tag"
     return " ".join(str(problem).split())
