@@ -27,7 +27,9 @@ def point(trajectory, time):
     return FlatPoint(*(trajectory(time, order) for order in range(3)))
 
 
-@pytest.mark.parametrize("vehicle", [PLANAR, SPATIAL, PlanarPointMass(2.0, 0.5, (50.0, 50.0))], ids=["planar", "spatial", "point mass"])
+@pytest.mark.parametrize(
+    "vehicle", [PLANAR, SPATIAL, PlanarPointMass(2.0, 0.5, (50.0, 50.0))], ids=["planar", "spatial", "point mass"]
+)
 def test_without_model_error_each_error_decays_as_a_critically_damped_one(vehicle):
     bandwidth, step, n = 2.0, 0.02, vehicle.flat_dimension
     rng = np.random.default_rng(1)

@@ -13,7 +13,7 @@ from gbt_ocp.models.vehicles import PlanarPointMass
 from gbt_ocp.ocp import DepthLimits, KeepOut, SpeedLimit, ThrustLimit, TrajectoryProblem, YawRateLimit
 from gbt_ocp.ocp.check import LimitCheck
 from gbt_ocp.ocp.codegen.library import find_compiler
-from gbt_ocp.ocp.transcription import LimitClass, hard_weights, limit_class, limit_names
+from gbt_ocp.ocp.limit_classes import LimitClass, hard_weights, limit_class, limit_names
 from gbt_ocp.tracking.protocol import Forecast
 
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")

@@ -24,8 +24,15 @@ FALCON = FossenVehicle(FALCON_2D, (5000.0, 5000.0, 1500.0))
 PIECES, PERIOD = 4, 0.5
 
 
-def posed(name):
-    problem = TrajectoryProblem(FALCON, PIECES, PERIOD).maximize(BearingSimilarity(2)).maximize(RangePull(2))
+class Own:
+    """An objective with data of its own: its parameters are bound by Python for the C and for the ladder alike."""
+
+    def __init__(self, term):
+        self.shapes, self.value, self.bind = term.shapes, term.value, term.bind
+
+
+def posed(name, given=Own):
+    problem = TrajectoryProblem(FALCON, PIECES, PERIOD).maximize(given(BearingSimilarity(2))).maximize(RangePull(2))
     problem = problem.subject_to(ThrustLimit(FALCON), nodes=2)
     if name == "hard":
         problem = problem.subject_to(RangeLimits(2, nearest=4.0, foresee=False), nodes=2)
@@ -87,8 +94,7 @@ def test_the_ladder_takes_the_steps_of_the_generated_c(name):
     words, different = held_against(name, 60, 0)
     assert ("given up", "") in words
     assert ("solved", "") in words
-    # the parameters are bound by other code, whose last bit decides between two equally good plans now and then
-    assert different <= 1
+    assert different == 0
 
 
 @pytest.mark.slow
@@ -97,7 +103,7 @@ def test_the_ladder_takes_the_steps_of_the_generated_c(name):
 def test_the_ladder_takes_ten_thousand_steps_of_the_generated_c(name, seed):
     words, different = held_against(name, 1667, seed + 1)
     assert len(words) > 2
-    assert different <= 17
+    assert different == 0
 
 
 @pytest.mark.parametrize("degree", [2, 3])
@@ -111,11 +117,14 @@ def test_braking_in_c_is_braking_in_python(degree):
         start = rng.normal(size=(degree, 3)) * np.array([[3.0], [2.0], [1.0]])[:degree]
         found = np.empty((5, problem.freedoms))
         library.gbt_brake(ctypes.c_void_p(start.ctypes.data), ctypes.c_void_p(found.ctypes.data))
-        np.testing.assert_allclose(found, brake(start).top, rtol=1e-9, atol=1e-9)
+        expected = brake(start).top
+        np.testing.assert_allclose(found[:2], expected[:2], rtol=1e-9, atol=1e-9)
+        # each piece magnifies what rounding did to those before it
+        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
 
 
 def test_the_present_spread_is_handed_on_to_the_c(tmp_path):
-    found = verify_folder(write_c(Planner(posed("hard"), "compiled"), tmp_path / "planner"))
+    found = verify_folder(write_c(Planner(posed("hard", lambda term: term), "compiled"), tmp_path / "planner"))
     assert found.faults == ()
     assert found.difference < 1e-9
 

@@ -406,7 +406,7 @@ def test_a_log_that_seems_to_hold_several_contacts_is_warned_of(tmp_path):
 def test_columns_that_tell_no_contacts_apart_are_not_warned_of(tmp_path):
     """Two sensors with a bias, a measurement, a counter, a state that changes once."""
     times, own, _, bearings = sailed(duration=30.0)
-    angle = np.arctan2(bearings[:, 1], bearings[:, 0]) + np.deg2rad(1.0) * (np.arange(len(times)) % 2)
+    angle = np.arctan2(bearings[:, 1], bearings[:, 0]) + np.deg2rad(8.0) * (np.arange(len(times)) % 2)
     columns = {
         "t": times,
         "own_x": own[:, 0],
@@ -421,6 +421,12 @@ def test_columns_that_tell_no_contacts_apart_are_not_warned_of(tmp_path):
 
 
 recorded = pytest.mark.skipif(not RECORDED.is_dir(), reason=f"no recorded bearings in {RECORDED}")
+
+
+@recorded
+def test_two_cameras_on_one_boat_are_not_taken_for_two_contacts():
+    for path in sorted(RECORDED.glob("*.csv")):
+        assert read_log(path, "x").warnings == ()
 
 
 @recorded

@@ -16,10 +16,10 @@ MOST_VALUES = 50
 """A column with more values is a measurement or a counter, and no name of a contact."""
 
 FARTHER = 4.0
-"""Contacts are told apart by a column if bearings of different values lie so many times farther apart than others.
+"""Bearings of different contacts lie so many times farther apart than successive ones of the same contact."""
 
-Two sensors that see one contact differ by their noise and biases, as two bearings of one sensor do.
-"""
+SENSORS_AGREE = np.deg2rad(10.0)
+"""Two sensors that see one contact differ by less: by their biases, which may be many times their noise."""
 
 
 def is_value(cell: str, value: str | float) -> bool:
@@ -75,7 +75,7 @@ def told_apart(values: Sequence[str], bearings: Array) -> tuple[float, float] | 
     between = float(np.median(_angles(bearings[changes], bearings[changes + 1])))
     own = [bearings[names == name] for name in frequent]
     within = float(np.median(np.concatenate([_angles(one[:-1], one[1:]) for one in own])))
-    return (between, within) if between > max(FARTHER * within, 1e-6) else None
+    return (between, within) if between > max(FARTHER * within, SENSORS_AGREE) else None
 
 
 def _angles(first: Array, second: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -16,9 +17,11 @@ import numpy as np
 from gbt_ocp.experiments.bearing_log import read_log
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.faults import ConfigurationError
-from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.experiments.config.loading import load_config, load_tracker
 from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.experiments.config.tracker import TrackerSection
 from gbt_ocp.files import whole_folder
+from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.replay import BearingLog, ReplayedTrack, _followed
 from gbt_ocp.simulation.replay_scores import scores
@@ -26,7 +29,7 @@ from gbt_ocp.simulation.summary import installed_versions
 from gbt_ocp.tracking.protocol import PositionTracker
 
 SHIPPED = "replay"
-"""The configuration that is taken where none is given."""
+"""The default configuration."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +39,13 @@ class Replayed:
     Attributes
     ----------
     configuration
-        What was asked for.
+        The resolved configuration.
     log
         The log.
     tracks
-        One a tracker.
+        One for each tracker.
     summary
-        Of each tracker by name (see :func:`~gbt_ocp.simulation.replay_scores.scores`), and what concerns all.
+        Scores of each tracker by name (see :func:`~gbt_ocp.simulation.replay_scores.scores`), and numbers of the log.
     """
 
     configuration: Configuration
@@ -51,7 +54,7 @@ class Replayed:
     summary: dict[str, Any]
 
     def save(self, folder: str | os.PathLike[str], figures: bool = True) -> Path:
-        """Write the folder whole: ``config.yaml``, ``summary.json``, ``scores.md``, ``NAME.csv``, ``figures/*.png``.
+        """Write the folder: ``config.yaml``, ``summary.json``, ``scores.md``, ``NAME.csv``, ``figures/*.png``.
 
         Raises
         ------
@@ -122,7 +125,6 @@ def replay(
         changes.append(f"replay.latency_s={latency}")
     if where:
         changes.append(f"replay.where={json.dumps(dict(where))}")
-    # a plane problem stands for all: of the problem nothing but its dimension counts
     config = load_config(configuration, changes)
     section = config.replay
     if section.bearing_from is None:
@@ -131,14 +133,12 @@ def replay(
     data = read_log(Path(log), section.bearing_from, section.latency_s, section.where)
     for line in data.warnings:
         warnings.warn(line, RuntimeWarning, stacklevel=2)
-    if data.dimension != config.dimension:
-        changes = [*changes, f"problem={'case2' if data.dimension == 2 else 'case5'}"]
-        config = load_config(configuration, changes)
-    chosen = _trackers(config, configuration, changes, trackers)
+    # the dimension is the log's, whatever the problem; nothing else of a problem counts
+    config = config.model_copy(update={"tracker": load_tracker(configuration, changes, data.dimension)})
+    sensor = BearingSensor(data.period, math.radians(config.sensor.noise_deg))
     tracks = []
-    for name, single in chosen.items():
-        single = single.model_copy(update={"sensor": single.sensor.model_copy(update={"period_s": data.period})})
-        tracker = build_tracker(single, data.own[0])
+    for name, single in _trackers(config, configuration, changes, trackers, data.dimension).items():
+        tracker = build_tracker(single, data.own[0], sensor)
         if isinstance(tracker, PositionTracker):
             raise ConfigurationError(
                 [f"--tracker: found {name}, which needs positions; allowed: those that take bearings"]
@@ -176,9 +176,13 @@ def replay(
 
 
 def _trackers(
-    config: Configuration, source: str | Path | Mapping[str, Any], changes: Sequence[str], names: Sequence[str]
-) -> dict[str, Configuration]:
-    """A configuration for each tracker that is asked for."""
+    config: Configuration,
+    source: str | Path | Mapping[str, Any],
+    changes: Sequence[str],
+    names: Sequence[str],
+    dimension: int,
+) -> dict[str, TrackerSection]:
+    """The section of each of the named trackers."""
     own, further = config.tracker.kind, config.replay.trackers
     allowed = list(dict.fromkeys([own, *further]))
     if list(names) == ["all"]:
@@ -190,14 +194,14 @@ def _trackers(
     for name in dict.fromkeys(names or [own]):
         if name in further:
             section = json.dumps({"kind": own, **further[name]})
-            found[name] = load_config(source, [*changes, f"tracker={section}"])
+            found[name] = load_tracker(source, [*changes, f"tracker={section}"], dimension)
         else:
-            found[name] = config
+            found[name] = config.tracker
     return found
 
 
 def _write_track(path: Path, track: ReplayedTrack, log: BearingLog) -> None:
-    """One line a bearing: time, position, its covariance, range with deviation, residual in degrees."""
+    """One line for each bearing: time, position, its covariance, range with deviation, residual in degrees."""
     d = log.dimension
     axes = "xyz"[:d]
     pairs = [(i, j) for i in range(d) for j in range(i, d)]

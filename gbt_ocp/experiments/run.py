@@ -10,7 +10,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numpy as np
 from tqdm import tqdm
 
 from gbt_ocp.experiments.build.desired import unreachable_bearings
@@ -23,7 +22,6 @@ from gbt_ocp.experiments.result import Result
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.guidance.startup import planner_of
 from gbt_ocp.ocp.codegen.library import CompilerError
-from gbt_ocp.ocp.plan import ANSWERED
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
 from gbt_ocp.simulation.loop import simulate, step_count
@@ -94,7 +92,7 @@ def run(
     try:
         loop, start = build_loop(configuration)
     except (ValueError, CompilerError) as fault:
-        # A fault that is found only when the parts are put together is a fault of the input too.
+        # What only shows when the parts are put together is still a fault of the input.
         raise ConfigurationError([f"{configuration.name}: {fault}"]) from fault
 
     stalling = [*unreachable_bearings(configuration, loop.vehicle), *stalling_penalties(loop.guidance)]
@@ -120,7 +118,7 @@ def run(
         period=period,
         seed=configuration.seed,
         wall_s=perf_counter() - began,
-        solver_first_try=np.isin(history.solver_status, ANSWERED) & (history.fallback == ""),
+        solver_first_try=history.answered & (history.fallback == ""),
         retries={
             "tightened": recording.tightened,
             "nugget": recording.nugget_retries,

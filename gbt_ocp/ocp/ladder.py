@@ -10,10 +10,11 @@ import numpy as np
 
 from gbt_ocp.ocp.braking import BrakingPlanner
 from gbt_ocp.ocp.check import LimitCheck
+from gbt_ocp.ocp.limit_classes import LimitClass, limit_class
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.solvers.base import GIVEN_UP, OUT_OF_ITERATIONS, Solution, Solver, Step
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.ocp.transcription import LimitClass, input_scale, limit_class
+from gbt_ocp.ocp.transcription import input_scale
 from gbt_ocp.typing import Array
 
 TIGHTENINGS = 4

@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.ladder import Ladder, cold_guess
+from gbt_ocp.ocp.limit_classes import limit_names
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.solvers.base import PlansSteps, Solver
 from gbt_ocp.ocp.solvers.choice import make_solver
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.ocp.transcription import limit_names, objective_total
+from gbt_ocp.ocp.transcription import objective_total
 from gbt_ocp.typing import Array
 
 

@@ -10,15 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.ocp.limit_classes import LIMIT_WEIGHT, LimitClass, hard_weights, limit_class
 from gbt_ocp.ocp.problem_data import ProblemData
-from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective, is_believed
+from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective
 from gbt_ocp.ocp.trajectory import FlatPoint, propagate
 from gbt_ocp.typing import Array
 
@@ -114,58 +114,6 @@ def first_free_node(problem: ProblemData, constraint: Constraint) -> int:
     point, stacked = point_symbols(problem.vehicle.flat_dimension), ca.SX.sym("p", limit_size(constraint))
     value = ca.SX(constraint_value(constraint, point, stacked))
     return 0 if problem.joined == 2 and ca.depends_on(value, point.ddz) else 1
-
-
-class LimitClass(IntEnum):
-    """Which limits give for which, the last first, where they cannot all be kept."""
-
-    THRUST = 0
-    """Moved by the acceleration: never given up."""
-    CERTAIN = 1
-    """On where the vehicle is and how fast, which it knows."""
-    BELIEVED = 2
-    """On the target, of which there is only a belief."""
-
-
-LIMIT_WEIGHT = 10.0
-"""Weight of a hard thrust limit where there are no others, for a violation of one unit of it at one node."""
-
-FIRST_TO_GIVE = 3.0
-"""The same where some limits may give, in units of :data:`LIMIT_WEIGHT`: their weight, unlike that of thrust limits, is
-not raised while they are broken, so it has to exceed their multipliers at once."""
-
-CLASS_RATIO = 10.0
-"""Weight of a hard limit over that of one of the class that gives before it."""
-
-
-def limit_class(problem: ProblemData, constraint: Constraint) -> LimitClass:
-    """The class of a constraint, which follows from what it depends on."""
-    if is_believed(constraint):
-        return LimitClass.BELIEVED
-    point = point_symbols(problem.vehicle.flat_dimension)
-    moved = ca.depends_on(ca.SX(ca.vertcat(constraint_value(constraint, point, ca.SX(0, 1)))), point.ddz)
-    return LimitClass.THRUST if moved else LimitClass.CERTAIN
-
-
-def hard_weights(problem: ProblemData) -> list[float]:
-    """Weight of each hard limit's l1 penalty, in units of :data:`LIMIT_WEIGHT`."""
-    classes = [limit_class(problem, limit.constraint) for limit in problem.hard]
-    present = sorted(set(classes), reverse=True)
-    first = 1.0 if present == [LimitClass.THRUST] else FIRST_TO_GIVE
-    return [first * CLASS_RATIO ** present.index(found) for found in classes]
-
-
-def limit_names(problem: ProblemData) -> tuple[str, ...]:
-    """What the constraints of a problem are called, each by another name.
-
-    That is their attribute ``name``, or the name of their class; equal ones are numbered from the second on.
-    """
-    names: list[str] = []
-    for constraint in problem.constraints:
-        name = str(getattr(constraint, "name", type(constraint).__name__))
-        count = sum(other == name or other.startswith(f"{name} ") for other in names)
-        names.append(f"{name} {count + 1}" if count else name)
-    return tuple(names)
 
 
 @dataclass(frozen=True)

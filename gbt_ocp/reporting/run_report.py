@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from gbt_ocp.files import packaged_text, whole_file
-from gbt_ocp.ocp.plan import ANSWERED
+from gbt_ocp.reporting.drawable import drawable_history
 from gbt_ocp.reporting.figures import draw_figures
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.history import History
@@ -94,7 +94,7 @@ def report_page(run_dir: str | os.PathLike[str]) -> str:
     """
     folder = Path(run_dir)
     text, configuration = run_folder.read_configuration(folder)
-    history = History.load_npz(folder / run_folder.HISTORY)
+    history = drawable_history(folder)
     summary = run_folder.read_summary(folder)
     title = f"{configuration.get('name', 'run')}, seed {summary.get('seed')}"
     figures = draw_figures(history, configuration, summary)
@@ -134,7 +134,7 @@ def _in_a_sentence(history: History, summary: dict[str, Any]) -> str:
 def _summary_rows(summary: dict[str, Any]) -> Iterable[tuple[str, ...]]:
     for key, value in summary.items():
         if key in ("versions", "warnings", "fallbacks", "retries"):
-            continue  # each has a place of its own
+            continue  # shown elsewhere
         unit, meaning = MEANING.get(key, ("", ""))
         yield _number(value), unit, meaning, key
 
@@ -161,7 +161,7 @@ def _ledger(history: History, summary: dict[str, Any]) -> list[str]:
             ],
         ),
     ]
-    failed = np.flatnonzero(planned & (~np.isin(history.solver_status, ANSWERED) | (history.fallback != "")))
+    failed = np.flatnonzero(planned & (~history.answered | (history.fallback != "")))
     if not len(failed):
         return [*lines, "<p>Every plan was solved at the first try.</p>"]
     shown = failed[:MOST_FAILURES]

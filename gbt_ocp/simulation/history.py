@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.files import read_arrays
 from gbt_ocp.models.bearings import condition_number, cumulative_bearing_matrix
-from gbt_ocp.ocp.plan import Plan, ShootingPlan
+from gbt_ocp.ocp.plan import ANSWERED, Plan, ShootingPlan
 from gbt_ocp.simulation.columns import SAME_LENGTH, UNKNOWN, column, columns, recorded
 from gbt_ocp.simulation.step import Step
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, GaussianProcess, relative_range_std
@@ -75,58 +75,14 @@ def _std_now(covariance: Array) -> Array:
 class History:
     """Everything recorded at t_k = 0, T, … up to the duration: K samples, arrays time first, SI units, radians.
 
-    <<<<<<< HEAD
-
-    Attributes
-    ----------
-    t
-        Times t_k, ``(K,)``, s.
-    vehicle_pose
-        Position P_A and yaw ψ, earth frame, ``(K, d+1)``; m and rad.
-    vehicle_velocity
-        Body-frame ν: surge, sway, (heave,) yaw rate, ``(K, d+1)``; m/s and rad/s.
-    thrust
-        Body-frame τ at t_k, the start of the executed piece, ``(K, d+1)``; N, and N m for yaw.
-    piece_thrust_peak
-        Largest |τ|/τ_max of each axis on the fine grid of the piece executed from step k, ``(K, d+1)``. NaN in the
-        last row when no piece is executed from there.
-    target
-        True position P_T, ``(K, d)``, m.
-    bearing, detected
-        Measured bearing λ ``(K, d)`` (NaN when missed) and whether there was one, ``(K,)`` bool.
-    desired_bearing
-        Desired bearing at t_k, ``(K, d)``.
-    forecast_mean, forecast_cov
-        Posterior mean μ_k and covariance Σ_k at T_k = {t_k, …, t_{k+n}}, ``(K, n+1, d)`` m, ``(K, n+1, d, d)`` m².
-    error, bound
-        ‖μ_k(t) - P_T(t)‖ at T_k and the theorem's bound on it, ``(K, n+1)``, m.
-    length_scale, amplitude, nugget
-        Hyperparameters of the tracker, ``(K,)``; s, m, and a variance relative to the kernel's. NaN if it has none.
-    prior_cov
-        Prior covariance of the target's coordinates under the hyperparameters, ``(K, d, d)``, m²; off the diagonal
-        the R_xy, R_xz, R_yz of the linear model of coregionalization. NaN likewise.
-    condition_number
-        Of the cumulative bearing matrix of the window, ``(K,)``; infinite while it is singular.
-    objective, violation
-        Of the plan: value of the objective, and largest |τ|/τ_max - 1 (at least 0) on its fine grid, ``(K,)``.
-    solver_status
-        "solved", the solver's own word otherwise, "" where nothing was solved; ``(K,)`` text.
-    solver_iterations, solver_time, tracker_time
-        ``(K,)``; count, s, s. Without a solver 0 iterations and NaN time.
-    fallback
-        Answer to a failed solve: "" | "shifted" | "cold" | "unfinished" | "braking"; ``(K,)`` text.
-    plan
-        Endpoints of the planned pieces, ``(K, p, d+1)``; p may be 0.
-    =======
     Arrays are converted to contiguous float64, int64, bool or unicode, so equal histories are saved as equal bytes.
     Each is declared once, in the order of the file. One more declaration, here or in a subclass that
     :func:`~gbt_ocp.simulation.loop.simulate` is given, records one more array.
-    >>>>>>> main
 
     Raises
     ------
     ValueError
-        If arrays disagree about K, d, n, the number of inputs or of outputs.
+        If arrays disagree about K, d, n, the number of inputs or of outputs, or times do not increase.
     """
 
     t: Array = column("t", lambda step: step.time, "s", meaning="Times t_k")
@@ -241,7 +197,7 @@ class History:
         "t",
         _planned(lambda plan: plan.fallback, ""),
         kind=str,
-        meaning="Answer to a failed solve: ``shifted``, ``cold``, ``relaxed``, ``braking``, or nothing",
+        meaning="Answer to a failed solve: ``shifted``, ``cold``, ``unfinished``, ``braking``, or nothing",
     )
     desired_bearing: Array = column("t axis", lambda step: step.desired_bearing, meaning="Desired bearing λ* at t_k")
     piece_thrust_peak: Array = column(
@@ -282,8 +238,16 @@ class History:
                     )
         if not self.t.size:
             raise ValueError("history: found no steps; allowed: at least one")
+        wrong = np.flatnonzero(~np.isfinite(self.t) | (np.diff(self.t, prepend=-np.inf) <= 0.0))
+        if wrong.size:
+            raise ValueError(f"history: t: found {self.t[wrong[0]]} at step {wrong[0]}; allowed: times that increase")
         if self.dimension not in (2, 3):
             raise ValueError(f"history: found positions with {self.dimension} coordinates; allowed: 2 or 3")
+
+    @property
+    def answered(self) -> NDArray[np.bool_]:
+        """Whether the first attempt of a step succeeded, be it that limits had to give ``(K,)``."""
+        return np.isin(self.solver_status, ANSWERED)
 
     @property
     def dimension(self) -> int:
@@ -337,7 +301,7 @@ class History:
         Raises
         ------
         ValueError
-            If the file is no ``.npz``, an array is missing, or shapes disagree.
+            If the file is no ``.npz``, an array is missing, shapes disagree, or times do not increase.
         """
         declared = columns(cls)
         needed = [one.name for one in declared if not one.optional]

@@ -277,10 +277,11 @@ def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
     target = build_target(configuration, streams.target)
     desired = paced(configuration, build_desired_bearing(configuration, vehicle), vehicle)
     start = build_start(configuration, vehicle, streams.start, target.position(0.0))
-    tracker = build_tracker(configuration, start[0, : configuration.dimension])
+    sensor = build_sensor(configuration)
+    tracker = build_tracker(configuration.tracker, start[0, : configuration.dimension], sensor)
     loop = ClosedLoop(
         target=target,
-        sensor=build_sensor(configuration),
+        sensor=sensor,
         tracker=tracker,
         guidance=build_guidance(configuration, vehicle, desired, streams.guidance, tracker),
         vehicle=vehicle,

@@ -12,6 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from gbt_ocp.experiments.build.trackers import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.faults import NOTHING, Fault, shown, value_at
 from gbt_ocp.experiments.config.keys import Section
@@ -20,7 +21,7 @@ from gbt_ocp.experiments.config.planner import Planner
 from gbt_ocp.experiments.config.plant import Plant
 from gbt_ocp.experiments.config.schema import Configuration, kinds
 from gbt_ocp.experiments.config.sensor import Sensor
-from gbt_ocp.experiments.config.tracker import ShapeTracker, TrackerSection
+from gbt_ocp.experiments.config.tracker import GaussianProcessSection, ShapeSection, TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 
 _BINS = ("bin_s", "window_s")
@@ -111,11 +112,13 @@ def _one_of(merged: Mapping[str, Any], path: tuple[str, ...], first: str, second
 
 
 def _noise(merged: Mapping[str, Any]) -> Iterator[Fault]:
-    """Noise that the tracker assumes beside the noise of the sensor."""
-    path, kind = ("tracker", "noise"), value_at(merged, ("tracker", "kind"))
-    if kind in ("motion_gp", "mixture"):
-        yield from _bins(merged, ("tracker",), ShapeTracker, 4)
-    if not isinstance(value_at(merged, path), Mapping) or kind != "gp":
+    """The noise that the tracker expects, beside that of the sensor."""
+    path, kind = ("tracker", "noise"), TRACKERS.get(str(value_at(merged, ("tracker", "kind"))))
+    if kind is not None and issubclass(kind.section, ShapeSection):
+        yield from _bins(merged, ("tracker",), ShapeSection, 4)
+    if kind is None or not issubclass(kind.section, GaussianProcessSection):
+        return
+    if not isinstance(value_at(merged, path), Mapping):
         return
     if value_at(merged, (*path, "std_deg")) in (NOTHING, None) and not _number(merged, ("sensor", "noise_deg"), 0.0):
         yield Fault((*path, "std_deg"), "null", "a number > 0 where sensor.noise_deg is 0")

@@ -16,12 +16,14 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from gbt_ocp.experiments.build.tracker_kinds import kept_keys
+from gbt_ocp.experiments.build.trackers import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config import yaml_dialect as dialect
 from gbt_ocp.experiments.config.consistency import extremes, inconsistencies
 from gbt_ocp.experiments.config.faults import NOTHING, ConfigurationError, Fault, shown, value_at
 from gbt_ocp.experiments.config.schema import Configuration, is_text
-from gbt_ocp.experiments.config.tracker import ShapeTracker
+from gbt_ocp.experiments.config.tracker import TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.validation import faults_of
 
@@ -57,16 +59,7 @@ _ALTERNATIVES: dict[tuple[str, ...], tuple[str, str]] = {
 # Another kind brings other keys; these belong to every kind of their section and stay.
 _SHARED: dict[tuple[str, ...], tuple[str, ...]] = {
     ("vehicle",): ("start", "follow", "follow_bandwidth"),
-    ("tracker",): ("window", "forecast", "forecast_period_s", "prior"),
 }
-
-# The two Gaussian processes have these in common besides, so that a preset means the same to both.
-_PROCESSES = ("gp", "lmc")
-_SHARED_BY_PROCESSES = ("centre", "length_scale", "nugget", "bound_delta")
-
-# What is known of sensor and target is the same to the motion's shape alone and in the mixture.
-_SHAPES = ("motion_gp", "mixture")
-_SHARED_BY_SHAPES = tuple(name for name in ShapeTracker.model_fields if name != "kind")
 
 
 @dataclass(frozen=True)
@@ -100,6 +93,31 @@ def load_config(
     ConfigurationError
         If anything is wrong, with one line a fault: file, key path, what was found, what is allowed.
     """
+    return _checked(source, overrides, seed, None)
+
+
+def load_tracker(source: str | Path | Mapping[str, Any], overrides: Sequence[str], dimension: int) -> TrackerSection:
+    """The section ``tracker`` alone, for the dimension of a recorded log instead of the problem's.
+
+    Parameters
+    ----------
+    source, overrides
+        As for :func:`load_config`.
+    dimension
+        d.
+
+    Raises
+    ------
+    ConfigurationError
+        As :func:`load_config`; other sections are checked only where they contradict this one.
+    """
+    return _checked(source, overrides, None, dimension).tracker
+
+
+def _checked(
+    source: str | Path | Mapping[str, Any], overrides: Sequence[str], seed: int | None, logged: int | None
+) -> Configuration:
+    """The configuration; with the dimension of a log, all sections but the tracker's are the defaults."""
     label, folder, name, text = _read(source)
     faults: list[str] = []
     layers = [_Layer(label, _written(text, label, faults))]
@@ -109,17 +127,20 @@ def load_config(
 
     top = _merge(layers)
     chosen, problem = _problem(top.get("problem", "case2"), folder, layers, faults)
-    layers = [*_beneath(chosen, problem, top.get("preset", "default"), top), *layers]
+    layers = [*_beneath(chosen, problem, top.get("preset", "default"), top, logged), *layers]
     merged = _merge(layers)
     merged["problem"] = chosen
     merged.setdefault("name", _as_name(name or (problem.name if problem else "run")))
     _complete(merged, folder, problem)
 
-    sizes = _known_sizes(merged, problem)
+    sizes, sections = _known_sizes(merged, problem), merged
+    if logged is not None:
+        problem, sizes = None, {"d": logged}
+        sections = {name: merged[name] for name in ("problem", "target", "tracker")}
     found: list[Fault] = []
     configuration: Configuration | None = None
     try:
-        configuration = Configuration.model_validate(merged, context=sizes)
+        configuration = Configuration.model_validate(sections, context=sizes)
     except ValidationError as error:
         found += faults_of(error, merged, sizes)
     found += [fault for fault in extremes(merged) if fault.path not in {other.path for other in found}]
@@ -220,10 +241,12 @@ def _problem(written: Any, folder: Path, layers: list[_Layer], faults: list[str]
         return chosen, None
 
 
-def _beneath(chosen: str, problem: TrackingProblem | None, preset: Any, written: Mapping[str, Any]) -> list[_Layer]:
+def _beneath(
+    chosen: str, problem: TrackingProblem | None, preset: Any, written: Mapping[str, Any], logged: int | None
+) -> list[_Layer]:
     """Layers weaker than what is written."""
     # Without a problem the rest is still checked, as far as that needs no dimension.
-    layers = [_Layer("defaults", _DIMENSION_DEFAULTS[problem.dimension if problem else 2])]
+    layers = [_Layer("defaults", _DIMENSION_DEFAULTS[logged or (problem.dimension if problem else 2)])]
     if problem is None:
         layers.append(_Layer("defaults", {"target": {"kind": "case2"}}))
     else:
@@ -284,12 +307,10 @@ def _merge(layers: Sequence[_Layer]) -> dict[str, Any]:
 def _overlay(base: Mapping[str, Any], above: Mapping[str, Any], path: tuple[str, ...]) -> dict[str, Any]:
     merged = dict(base)
     if "kind" in above and above["kind"] != base.get("kind", above["kind"]):
-        shared = _SHARED.get(path, ())
-        if path == ("tracker",) and above["kind"] in _PROCESSES and base["kind"] in _PROCESSES:
-            shared = (*shared, *_SHARED_BY_PROCESSES)
-        if path == ("tracker",) and above["kind"] in _SHAPES and base["kind"] in _SHAPES:
-            shared = _SHARED_BY_SHAPES
-        merged = {key: base[key] for key in shared if key in base}
+        kept = {*_SHARED.get(path, ())}
+        if path == ("tracker",):
+            kept = kept_keys(*(TRACKERS.get(str(kind)) for kind in (base["kind"], above["kind"])))
+        merged = {key: value for key, value in base.items() if key in kept}
     alternatives = _ALTERNATIVES.get(path, ())
     if any(above.get(key) is not None for key in alternatives):
         merged = {key: value for key, value in merged.items() if key not in alternatives}

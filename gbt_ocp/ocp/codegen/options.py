@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from gbt_ocp.ocp.transcription import LIMIT_WEIGHT
+from gbt_ocp.ocp.limit_classes import LIMIT_WEIGHT
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class CompiledOptions:
         horizon, the nearer the shifted plan is to optimal.
     limit_weight
         c: unit of the weights of the l1 penalties that impose the hard limits
-        (:func:`~gbt_ocp.ocp.transcription.hard_weights`), exact while the multipliers stay below them. That of a thrust
+        (:func:`~gbt_ocp.ocp.limit_classes.hard_weights`), exact while the multipliers stay below them. That of a thrust
         limit is raised while it is broken.
     iterations
         Iterations of one start before another one is tried; by default 12 a piece, at least 60.

@@ -26,20 +26,6 @@ from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 
 
-def free_folder(folder: str | Path) -> Path:
-    """The path, if it names a new or empty folder.
-
-    Raises
-    ------
-    FileExistsError
-        If there is something.
-    """
-    target = Path(folder)
-    if target.exists() and not (target.is_dir() and not any(target.iterdir())):
-        raise FileExistsError(f"found {target}, which is not an empty folder; allowed: a new or empty folder")
-    return target
-
-
 def write_c(
     planner: Planner, folder: str | Path, steps: Sequence[Mapping[str, Any]] | None = None, prefix: str = ""
 ) -> Path:
@@ -152,7 +138,7 @@ def _sizes(draft: Path, prefix: str) -> dict[str, int | str | None]:
             library = build / f"lib{prefix}gbt_planner.a"
             listed = run_command([size, "-t", str(library)], build, RUN_S).stdout
             shown = run_example(build).stdout
-            name = run_command([compiler, "--version"], build, RUN_S).stdout
+            name = run_command([*compiler, "--version"], build, RUN_S).stdout
     except CommandError as fault:
         raise CompilerError(str(fault)) from fault
     try:

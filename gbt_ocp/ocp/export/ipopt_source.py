@@ -11,6 +11,7 @@ import casadi as ca
 
 from gbt_ocp.files import whole_folder
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError
+from gbt_ocp.ocp.export.names import checked_prefix
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.solvers.ipopt import PENALTY_FORMS, ipopt_options
 from gbt_ocp.ocp.transcription import transcribe
@@ -18,7 +19,7 @@ from gbt_ocp.ocp.transcription import transcribe
 NAME = "planner_ipopt"
 
 
-def write_ipopt_folder(problem: ProblemData, options: Mapping[str, Any], folder: str | Path) -> Path:
+def write_ipopt_folder(problem: ProblemData, options: Mapping[str, Any], folder: str | Path, prefix: str = "") -> Path:
     """Write the nonlinear program with IPOPT as C; the folder is written completely or not at all.
 
     Parameters
@@ -29,17 +30,19 @@ def write_ipopt_folder(problem: ProblemData, options: Mapping[str, Any], folder:
         As of :class:`gbt_ocp.ocp.solvers.ipopt.IpoptSolver`.
     folder
         A new or empty folder.
+    prefix
+        Of the program's name, and so of all its files and functions.
 
     Raises
     ------
     ValueError
-        If an option names a file.
+        If an option names a file, or no name of C begins with the prefix.
     NotGenerableError
         If CasADi cannot generate some part, which it says by writing ``#error`` into the source.
     FileExistsError
         If the folder exists and is not empty.
     """
-    target = Path(folder)
+    target, name = Path(folder), checked_prefix(prefix) + NAME
     program = transcribe(problem)
     own = dict(options)
     elastic = own.pop("penalty", PENALTY_FORMS[0]) == "elastic" and bool(problem.penalties)
@@ -47,7 +50,7 @@ def write_ipopt_folder(problem: ProblemData, options: Mapping[str, Any], folder:
     settings: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": ipopt_options(own)}
     penalties = [(soft.width, soft.weight) for soft in problem.penalties]
     readme = _README.format(
-        name=NAME,
+        name=name,
         variables=program.variables.numel(),
         slacks=statement["x"].numel() - program.variables.numel() - len(program.giving),
         giving=len(program.giving),
@@ -57,14 +60,14 @@ def write_ipopt_folder(problem: ProblemData, options: Mapping[str, Any], folder:
         penalties="".join(f"\n- {width}, {weight} and the tightening 0" for width, weight in penalties) or " none",
     )
     with whole_folder(target) as draft:
-        generator = ca.CodeGenerator(f"{NAME}.c", {"with_header": True})
-        generator.add(ca.nlpsol(NAME, "ipopt", statement, settings))
+        generator = ca.CodeGenerator(f"{name}.c", {"with_header": True})
+        generator.add(ca.nlpsol(name, "ipopt", statement, settings))
         generator.generate(f"{draft}{os.sep}")
-        for line in (draft / f"{NAME}.c").read_text(encoding="utf-8").splitlines():
+        for line in (draft / f"{name}.c").read_text(encoding="utf-8").splitlines():
             if line.lstrip().startswith("#error"):
                 raise NotGenerableError(f"CasADi cannot generate this as C: {line.strip()}")
         (draft / "README.md").write_text(readme, encoding="utf-8")
-        (draft / "Makefile").write_text(_MAKEFILE.format(name=NAME), encoding="utf-8")
+        (draft / "Makefile").write_text(_MAKEFILE.format(name=name), encoding="utf-8")
     return target
 
 

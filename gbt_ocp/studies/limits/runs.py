@@ -9,7 +9,6 @@ import numpy as np
 from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.guidance.planned import PlannedMotion
-from gbt_ocp.ocp.plan import ANSWERED
 from gbt_ocp.simulation.loop import simulate
 from gbt_ocp.simulation.summary import FALLBACKS, installed_versions, summarise
 from gbt_ocp.studies.limits.problems import Check, unasked
@@ -42,7 +41,7 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
         seed=configuration.seed,
         settling=SETTLING_S,
         wall_s=perf_counter() - began,
-        solver_first_try=np.isin(history.solver_status, ANSWERED) & (history.fallback == ""),
+        solver_first_try=history.answered & (history.fallback == ""),
         retries={"tightened": recording.tightened, "nugget": recording.nugget_retries, "clipped": recording.clipped},
         versions=installed_versions(),
     )

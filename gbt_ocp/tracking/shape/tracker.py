@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from gbt_ocp.models.bearings import log_map, tangent_basis
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
 from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.priors import PositionPrior
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, relative_range_std
 from gbt_ocp.tracking.shape.fit import Fit, Known, Sightings, fit, sightings_root
 from gbt_ocp.tracking.shape.moments import Moments, moments_ahead, moments_behind, moments_now
@@ -88,10 +89,8 @@ class MotionShapeTracker:
     gate
         Standardised residual from which a bearing counts as a stray one (see
         :class:`~gbt_ocp.tracking.bins.BearingBins`); infinity trusts all of them.
-    known_position, known_covariance
-        What is known of the position at the first bearing: mean ``(d,)`` in m and covariance ``(d, d)`` in m².
-    start
-        The vehicle's position until the first bearing ``(d,)``.
+    position
+        What is known of the position at the first bearing; by default nothing, with the vehicle at the origin.
 
     Raises
     ------
@@ -114,9 +113,7 @@ class MotionShapeTracker:
         memory: float = np.inf,
         iterations: int = 3,
         gate: float = np.inf,
-        known_position: ArrayLike | None = None,
-        known_covariance: ArrayLike | None = None,
-        start: ArrayLike | None = None,
+        position: PositionPrior | None = None,
     ) -> None:
         if not (update >= 0.0 and hypotheses >= 1 and iterations >= 1 and gate > 0.0 and memory > 0.0):
             raise ValueError(
@@ -138,8 +135,8 @@ class MotionShapeTracker:
         self._most = hypotheses
         self._iterations = iterations
         self._gate = gate
-        self._own = np.zeros(dimension) if start is None else np.array(start, dtype=float)
-        self._known = _root_of(known_position, known_covariance)
+        self._position = PositionPrior(np.zeros(dimension)) if position is None else position
+        self._own = self._position.start
         self._memory = memory
         self._trail: deque[tuple[float, Known]] = deque()
         self._first: float | None = None
@@ -275,8 +272,9 @@ class MotionShapeTracker:
         root, log_determinant = sightings_root(covariance, n.correlated_std == 0.0)
         known = self._remembered()
         assert self._first is not None, "there is a bearing"
-        if known is None and self._known is not None and means.times[0] <= self._first + self.bins.width:
-            known = Known(np.array([self._first]), self._known[0][None], self._known[1])
+        if known is None and self._position.known is not None and means.times[0] <= self._first + self.bins.width:
+            position, spread = self._position.known
+            known = Known(np.array([self._first]), position[None], _root(spread))
         seen = None if known is None else known.seen_from(self._now, self._own)
         return Sightings(times, means.bearings, own, root, log_determinant, seen)
 
@@ -410,23 +408,12 @@ class MotionShapeTracker:
         return Forecast(self._own + mean, covariance)
 
     def _unseen(self, count: int) -> Forecast:
-        if self._known is not None:
-            position, root = self._known
-            return Forecast(np.tile(position, (count, 1)), np.tile(np.linalg.inv(root.T @ root), (count, 1, 1)))
+        if self._position.known is not None:
+            position, covariance = self._position.known
+            return Forecast(np.tile(position, (count, 1)), np.tile(covariance, (count, 1, 1)))
         p = self._prior.range
         second = p.median**2 * np.exp(2.0 * p.log_std**2) / self.dimension
         return Forecast(np.tile(self._own, (count, 1)), np.tile(second * np.eye(self.dimension), (count, 1, 1)))
-
-
-def _root_of(position: ArrayLike | None, covariance: ArrayLike | None) -> tuple[Array, Array] | None:
-    if position is None:
-        return None
-    if covariance is None:
-        raise ValueError("known_covariance is needed beside known_position")
-    matrix = np.asarray(covariance, dtype=float)
-    if not np.all(np.linalg.eigvalsh(matrix) > 0.0):
-        raise ValueError("known_covariance must be positive definite")
-    return np.array(position, dtype=float), _root(matrix)
 
 
 def _root(covariance: Array) -> Array:
