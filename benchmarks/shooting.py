@@ -29,7 +29,7 @@ from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
 from gbt_ocp.models.bearings import DesiredBearing
-from gbt_ocp.models.vehicles import FossenVehicle
+from gbt_ocp.models.fossen import FossenVehicle
 from gbt_ocp.ocp import Objective
 
 PERIOD = 0.1
@@ -292,7 +292,7 @@ def loop(arguments: argparse.Namespace) -> None:
             key = (case, preset, pull, pieces, name, str(seed))
             if key not in done:
                 values = one_run(case, preset, float(pull), int(pieces), name, seed, arguments.seconds)
-                done[key] = [*key, *(f"{value:.6g}" for value in values)]
+                done[key] = [*key, *(str(float(value)) for value in values)]
                 with path.open("a", encoding="utf-8", newline="") as file:
                     csv.writer(file).writerow(done[key])
         found = np.array(

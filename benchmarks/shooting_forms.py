@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, Vehicle
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp import FlatPoint, FlatTrajectory, Objective, Planner, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.check import FINE_POINTS, LimitCheck

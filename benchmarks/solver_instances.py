@@ -13,8 +13,8 @@ from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
 from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.models.targets import case_target
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.ocp import Planner, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.solvers.base import Solution

@@ -173,7 +173,7 @@ def commit() -> str:
 
 def command_line_page() -> str:
     """Every ``--help``, in Markdown."""
-    from gbt_ocp.cli.arguments import parser
+    from gbt_ocp.cli.parser import parser
 
     top = parser()
     (commands,) = (action.choices for action in top._actions if isinstance(action.choices, dict))

@@ -9,6 +9,9 @@ from importlib import import_module
 from inspect import getdoc
 from pathlib import Path
 
+from gbt_ocp.simulation.columns import columns
+from gbt_ocp.simulation.history import History
+
 DOCS = Path(__file__).resolve().parent
 
 ROOMS = {
@@ -33,6 +36,21 @@ def first_line(documented: object) -> str:
     return (getdoc(documented) or "").partition("\n\n")[0].replace("\n", " ")
 
 
+def recorded_arrays() -> list[str]:
+    """The table of the arrays of a run."""
+    lines = ["## Arrays of a run", "", "Attributes of `History`, in `history.npz` under the same names.", ""]
+    lines += ["| array | shape | unit | what |", "|---|---|---|---|"]
+    for one in columns(History):
+        meaning = one.meaning.replace("``", "`").replace("|", "\\|")
+        lines.append(f"| `{one.name}` | `{one.shape}` | {one.units} | {meaning} |")
+    lines += [
+        "",
+        "K steps, d coordinates, m inputs, n + 1 forecast times, p pieces; the flat output has d + 1 entries.",
+        "",
+    ]
+    return lines
+
+
 def pages() -> dict[str, str]:
     """Text of each page by its path below ``docs/``."""
     found, index = {}, ["# Python reference", ""]
@@ -48,6 +66,8 @@ def pages() -> dict[str, str]:
         index.append(f"| [{title}](api/{page_of(room)}) | `{room}` | {shown} |")
         lines = [f"# {title}", "", f"`{room}`: {first_line(module)[:1].lower()}{first_line(module)[1:]}", ""]
         lines += [line for name in names for line in (f"::: {room}.{name}", "")]
+        if room == "gbt_ocp.simulation":
+            lines += recorded_arrays()
         found[f"api/{page_of(room)}"] = "\n".join(lines)
     return {"api.md": "\n".join([*index, ""]), **found}
 

@@ -1,7 +1,10 @@
-"""Files and folders that are there whole or not at all, one process at a time in a folder, and damaged archives."""
+"""Files and folders that appear complete or not at all, one process at a time in a folder, and damaged archives."""
 
 from __future__ import annotations
 
+import errno
+import hashlib
+import itertools
 import os
 import secrets
 import shutil
@@ -21,7 +24,16 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 
-def read_arrays(path: str | os.PathLike[str], names: Iterable[str], kind: str) -> dict[str, NDArray[Any]]:
+UNPACKED, PACKED = 2**28, 200
+"""Arrays of more bytes than the first that are so many times the size of their file are not read.
+
+What a run leaves is at most three times the size of its file: its times and its clocks hardly shrink.
+"""
+
+
+def read_arrays(
+    path: str | os.PathLike[str], names: Iterable[str], kind: str, *, optional: Iterable[str] = ()
+) -> dict[str, NDArray[Any]]:
     """Arrays of an ``.npz`` by name; what stands beside them is passed over.
 
     Parameters
@@ -31,12 +43,15 @@ def read_arrays(path: str | os.PathLike[str], names: Iterable[str], kind: str) -
     names
         Of the arrays.
     kind
-        What the file should be, for the line that says that it is none.
+        What the file should be, for the message.
+    optional
+        Names of arrays that the file may lack.
 
     Raises
     ------
     ValueError
-        If the file is no ``.npz``, is damaged, or an array is missing; the line names the file.
+        If the file is no ``.npz``, is damaged, an array is missing, or the arrays unpack to far more than the file;
+        the line names the file.
     OSError
         If it cannot be opened.
     """
@@ -48,7 +63,12 @@ def read_arrays(path: str | os.PathLike[str], names: Iterable[str], kind: str) -
                 missing = [name for name in wanted if name not in archive.files]
                 if missing:
                     raise ValueError(f"missing arrays: {', '.join(missing)}")
-                return {name: archive[name] for name in wanted}
+                found = [*wanted, *(name for name in optional if name in archive.files)]
+                size = sum(archive.zip.getinfo(f"{name}.npy").file_size for name in found)
+                allowed = max(UNPACKED, PACKED * os.fstat(stream.fileno()).st_size)
+                if size > allowed:
+                    raise ValueError(f"found {size:.3g} bytes of arrays; allowed: {allowed:.3g} in a file of its size")
+                return {name: archive[name] for name in found}
         except Exception as fault:
             # Bytes that are not what was written make zipfile, zlib and numpy raise almost anything: RuntimeError
             # (encrypted), NotImplementedError (another compression), MemoryError (a shape of billions), OSError (a
@@ -58,7 +78,7 @@ def read_arrays(path: str | os.PathLike[str], names: Iterable[str], kind: str) -
 
 
 PARTIAL = ".partial-"
-"""Marks a temporary folder: ``.NAME.partial-HOST-PID-TOKEN`` beside the final NAME."""
+"""Marks a temporary file or folder: ``.NAME.partial-HOST-PID-TOKEN`` beside the final NAME."""
 
 
 @contextmanager
@@ -68,68 +88,167 @@ def whole_folder(target: str | os.PathLike[str]) -> Iterator[Path]:
     Parameters
     ----------
     target
-        The final name. Missing parents are made. It may exist only as an empty folder.
+        The final name. Missing parents are made. It may exist only as an empty folder (or a symbolic link to one),
+        which keeps its mode and its identity: the temporary folder is then made in it, and at the end each of its
+        entries is renamed.
 
     Yields
     ------
-    The temporary folder, in the same parent as ``target``; files written into it appear under ``target`` at the end.
+    The temporary folder; files written into it appear under ``target`` at the end.
 
     Raises
     ------
     FileExistsError
-        If ``target`` is a file or a folder with something in it, before the block or (another process was faster)
-        after it. Nothing is overwritten and nothing is left behind.
+        If ``target`` is a file, a symbolic link that leads to no folder, or a folder with something in it, before the
+        block or (another process was faster) after it. Nothing is overwritten and nothing is left behind.
     """
     final = Path(os.path.abspath(target))  # not resolve(): a symbolic link stays the user's choice of place
     _refuse_occupied(final)
-    final.parent.mkdir(parents=True, exist_ok=True)
-    remove_abandoned(final)
-    temporary = temporary_beside(final)
+    if final.is_dir():
+        remove_abandoned(final / final.name)
+        temporary = temporary_beside(final / final.name)
+    else:
+        final.parent.mkdir(parents=True, exist_ok=True)
+        remove_abandoned(final)
+        temporary = temporary_beside(final)
     temporary.mkdir()
     try:
         yield temporary
         _refuse_occupied(final)
-        try:
-            with suppress(FileNotFoundError):
-                final.rmdir()  # a rename onto an empty folder is refused by Windows
-            os.rename(temporary, final)
-        except OSError:
-            _refuse_occupied(final)  # another process finished first: say so
-            raise
+        if final.is_dir():
+            _fill(final, temporary)
+        else:
+            _rename(temporary, final)
     except BaseException:  # KeyboardInterrupt as well: nothing half-written stays
         shutil.rmtree(temporary, ignore_errors=True)
         raise
 
 
+def _rename(temporary: Path, final: Path) -> None:
+    try:
+        os.rename(temporary, final)
+    except OSError:
+        _refuse_occupied(final)  # another process finished first: say so
+        raise
+
+
+def _fill(final: Path, temporary: Path) -> None:
+    """Move everything from a temporary folder into an empty one, alone and completely."""
+    try:
+        with alone_in(final):
+            _refuse_occupied(final)
+            moved = []
+            try:
+                for entry in sorted(temporary.iterdir()):
+                    moved.append(final / entry.name)
+                    os.rename(entry, moved[-1])
+                temporary.rmdir()
+            except BaseException:
+                for path in moved:
+                    if path.is_dir():
+                        shutil.rmtree(path, ignore_errors=True)
+                    else:
+                        path.unlink(missing_ok=True)
+                raise
+    except FolderBusyError as fault:
+        raise FileExistsError(str(fault)) from None
+
+
+def try_folder(target: str | os.PathLike[str]) -> None:
+    """Find out whether :func:`whole_folder` could make a folder: make it, with its parents, and remove them again.
+
+    Raises
+    ------
+    FileExistsError
+        If ``target`` is a file, a symbolic link that leads to no folder, or a folder with something in it.
+    OSError
+        If it cannot be made or written: no rights, no space, a name that is too long.
+    """
+    final = Path(os.path.abspath(target))
+    _refuse_occupied(final)
+    missing = list(itertools.takewhile(lambda path: not os.path.lexists(path), [final, *final.parents]))
+    if not missing:
+        missing = [temporary_beside(final / final.name)]
+    made = []
+    try:
+        for path in reversed(missing):
+            if not path.parent.is_dir():  # a file, or a symbolic link that leads nowhere
+                raise NotADirectoryError(errno.ENOTDIR, "not a folder", str(path.parent))
+            path.mkdir()
+            made.append(path)
+    finally:
+        for path in reversed(made):
+            with suppress(OSError):  # another process has put something in it
+                path.rmdir()
+
+
+LONGEST_NAME = 100
+"""Bytes of a final name that a temporary name repeats; a file system allows some 255 for a name."""
+
+
 def temporary_beside(final: Path) -> Path:
     """A name beside ``final`` that says which process made it (see :data:`PARTIAL`)."""
-    return final.parent / f".{final.name}{PARTIAL}{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"
+    return final.parent / f"{_mark(final.name)}{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"
+
+
+def _mark(name: str) -> str:
+    """How temporary names for a final name begin; a long name is shortened and told apart by its hash."""
+    encoded = os.fsencode(name)
+    if len(encoded) > LONGEST_NAME:
+        start = encoded[: LONGEST_NAME - 9].decode("utf-8", "ignore")
+        name = f"{start}~{hashlib.sha256(encoded).hexdigest()[:8]}"
+    return f".{name}{PARTIAL}"
+
+
+def temporaries(folder: Path, name: str | None = None) -> list[Path]:
+    """Temporary files and folders in ``folder``: those meant for the final ``name``, or all."""
+    start = "." if name is None else _mark(name)
+    return [entry for entry in folder.iterdir() if entry.name.startswith(start) and PARTIAL in entry.name]
+
+
+def remove_temporaries(folder: Path, name: str | None = None, *, abandoned: bool = True) -> list[Path]:
+    """Remove temporary files and folders, and return their paths.
+
+    Parameters
+    ----------
+    folder
+        Where they lie.
+    name
+        Only those meant for this final name.
+    abandoned
+        Only those that a process of this machine left that no longer lives: the others may be in use at this moment.
+    """
+    found = [entry for entry in temporaries(folder, name) if not abandoned or _is_abandoned(entry)]
+    for entry in found:
+        if entry.is_dir():
+            shutil.rmtree(entry, ignore_errors=True)
+        else:
+            entry.unlink(missing_ok=True)
+    return found
 
 
 def remove_abandoned(target: Path) -> list[Path]:
-    """Remove temporary folders that killed processes left beside ``target``, and return their paths.
+    """Remove what killed processes left beside ``target`` while they wrote it, and return the paths."""
+    return remove_temporaries(target.parent, target.name)
 
-    Only folders meant for the same ``target``, made on this machine by a process that no longer lives, are touched:
-    a sweep's other workers may be writing at this moment.
-    """
+
+def _is_abandoned(entry: Path) -> bool:
     if os.name != "posix":  # os.kill(pid, 0) asks on POSIX, and kills on Windows
-        return []
-    prefix = f".{target.name}{PARTIAL}{socket.gethostname()}-"
-    removed = []
-    for entry in list(target.parent.iterdir()):
-        pid, _, token = entry.name.removeprefix(prefix).partition("-")
-        if entry.name.startswith(prefix) and token and pid.isdigit() and not _alive(int(pid)):
-            shutil.rmtree(entry, ignore_errors=True)
-            removed.append(entry)
-    return removed
+        return False
+    maker = entry.name.rpartition(PARTIAL)[2]
+    host = f"{socket.gethostname()}-"
+    pid, _, token = maker.removeprefix(host).partition("-")
+    return maker.startswith(host) and bool(token) and pid.isdigit() and not _alive(int(pid))
 
 
 def _refuse_occupied(final: Path) -> None:
+    """Refuse a name that holds something, temporary folders of the same name aside."""
     if final.is_dir():
-        if any(final.iterdir()):
+        if any(not entry.name.startswith(_mark(final.name)) for entry in final.iterdir()):
             raise FileExistsError(f"{final}: the folder exists and is not empty; give another name or remove it")
-    elif final.exists() or final.is_symlink():
-        raise FileExistsError(f"{final}: a file of this name exists; give another name or remove it")
+    elif os.path.lexists(final):
+        what = "a symbolic link that leads to no folder" if final.is_symlink() else "a file of this name"
+        raise FileExistsError(f"{final}: {what} exists; give another name or remove it")
 
 
 def _alive(pid: int) -> bool:
@@ -178,10 +297,11 @@ def alone_in(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def whole_file(target: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary name beside ``target``, with its ending, that replaces it when the block ends well."""
+    """Yield a temporary name beside ``target``, with its suffix; it replaces ``target`` when the block ends well."""
     final = Path(target)
     final.parent.mkdir(parents=True, exist_ok=True)
-    temporary = final.parent / f".{final.stem}.partial-{secrets.token_hex(4)}{final.suffix}"
+    beside = temporary_beside(final)
+    temporary = beside.with_name(f"{beside.name}{final.suffix}")
     try:
         yield temporary
         os.replace(temporary, final)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.loading import load_config
-from gbt_ocp.experiments.config.validation import kinds, union_of
+from gbt_ocp.experiments.config.schema import kinds
 
 VARIANTS = [
     [],
@@ -21,8 +21,8 @@ VARIANTS = [
     ["tracker.prior={position: [1.0, 2.0], std: 3.0}"],
     ["limits.keep_out=[{centre_m: [9.0, 9.0], radius_m: 1.0}, {corners_m: [[5, 5], [6, 5], [6, 6]]}]"],
     ["limits.range={nearest_m: 2.0, farthest_m: 50.0}", "desired_bearing.period_s=60.0"],
-    *[[f"tracker.kind={kind}"] for kind in kinds(union_of("tracker"))],
-    *[[f"guidance.kind={kind}"] for kind in kinds(union_of("guidance"))],
+    *[[f"tracker.kind={kind}"] for kind in kinds("tracker")],
+    *[[f"guidance.kind={kind}"] for kind in kinds("guidance")],
 ]
 """Overrides of a shipped configuration that lead to other sections."""
 

@@ -1,5 +1,6 @@
 """Animations, looked at with tools of others: Pillow, ffprobe, a real browser."""
 
+import base64
 import dataclasses
 import json
 import re
@@ -16,7 +17,8 @@ from scipy.stats import chi2
 from gbt_ocp.experiments.result import Result
 from gbt_ocp.reporting import animation
 from gbt_ocp.reporting.animation import write_animation
-from gbt_ocp.reporting.scene import Scene, confidence_radius, outline
+from gbt_ocp.reporting.scene import Scene, outline
+from gbt_ocp.simulation.calibration import region_radius
 
 
 def save(folder, dimension=2, steps=30, change=None, **kind):
@@ -94,7 +96,7 @@ def test_other_endings_are_refused(tmp_path, name):
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_regions_hold_95_per_cent(dimension):
-    assert confidence_radius(dimension) == pytest.approx(np.sqrt(chi2.ppf(0.95, dimension)))
+    assert region_radius(dimension) == pytest.approx(np.sqrt(chi2.ppf(0.95, dimension)))
     root = np.random.default_rng(1).normal(size=(dimension, dimension))
     covariance = root @ root.T
     points = outline(covariance, (0, dimension - 1))
@@ -103,7 +105,7 @@ def test_the_regions_hold_95_per_cent(dimension):
         u = np.zeros(dimension)
         u[[0, dimension - 1]] = np.cos(angle), np.sin(angle)
         assert (points @ u[[0, dimension - 1]]).max() == pytest.approx(
-            confidence_radius(dimension) * np.sqrt(u @ covariance @ u), rel=0.003
+            region_radius(dimension) * np.sqrt(u @ covariance @ u), rel=0.003
         )
 
 
@@ -131,10 +133,48 @@ browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
 PROBE = (Path(__file__).parent / "animation_probe.js").read_text(encoding="utf-8")
 
 
+UTM = (565_432.1, 7_034_567.8, -30.0)
+"""Where maps have their origin: seven digits before the point."""
+
+
+def moved(offset):
+    """A change of a history that puts everything in it somewhere else."""
+
+    def change(history):
+        d = history.dimension
+        shift = np.asarray(offset[:d])
+        return {
+            "target": history.target + shift,
+            "vehicle_pose": history.vehicle_pose + np.append(shift, 0.0),
+            "forecast_mean": history.forecast_mean + shift,
+            "plan": history.plan + np.append(shift, 0.0),
+        }
+
+    return change
+
+
+def test_the_page_holds_times_and_positions_in_full(tmp_path):
+    folder, history = save(tmp_path / "run", change=moved(UTM))
+    text = write_animation(folder, tmp_path / "page.html").read_text(encoding="utf-8")
+    arrays = json.loads(re.search(r'<script id="data"[^>]*>(.*?)</script>', text, re.DOTALL)[1])["arrays"]
+
+    def held(name):
+        bits, data = arrays[name]
+        return np.frombuffer(base64.b64decode(data), f"<f{bits // 8}")
+
+    np.testing.assert_array_equal(held("t"), history.t)
+    np.testing.assert_array_equal(held("target"), history.target.ravel())
+    np.testing.assert_array_equal(held("vehicle"), history.vehicle_pose[:, :2].ravel())
+    np.testing.assert_array_equal(held("mean"), history.forecast_mean.ravel())
+    np.testing.assert_array_equal(held("plan").reshape(31, 6, 2)[:, 1:], history.plan[:, :, :2])
+    np.testing.assert_allclose(held("distance"), Scene.load(folder).distance, rtol=1e-6)
+
+
 @browser
+@pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), UTM], ids=["origin", "utm"])
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_the_page_plays_scrubs_and_tells_in_a_browser(tmp_path, dimension):
-    folder, history = save(tmp_path / "run", dimension)
+def test_the_page_plays_scrubs_and_tells_in_a_browser(tmp_path, dimension, offset):
+    folder, history = save(tmp_path / "run", dimension, change=moved(offset))
     page = write_animation(folder, tmp_path / "page.html")
     text = page.read_text(encoding="utf-8")
     assert not re.search(r"(src|href)\s*=|https?://|@import|url\(", text)  # nothing from elsewhere

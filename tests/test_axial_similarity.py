@@ -11,7 +11,7 @@ from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull, sigma_points, sigma_weights
 from gbt_ocp.models.bearings import cumulative_bearing_matrix
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.ocp import FlatPoint, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.codegen.library import find_compiler
 from gbt_ocp.ocp.export.folder import write_c

@@ -4,6 +4,7 @@ import subprocess
 import sys
 import tempfile
 import types
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -157,9 +158,9 @@ def test_a_disk_that_cannot_be_written_does_not_cost_a_finished_result(runs, cap
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     assert cli.main(["run", "case1", "--out", "asked"]) == 2
     out, err = capsys.readouterr()
-    kept = next(tmp_path.glob("gbt-ocp-*/asked"))
+    (kept,) = tmp_path.glob("gbt-ocp-*")
     assert (kept / "config.yaml").is_file()
-    assert err == f"--out: asked cannot be written ({fault}); the results are in {kept}\n"
+    assert err == f"--out: asked cannot be written ({fault.strerror}); the results are in {kept}\n"
     assert out.endswith(f"\n{kept}\n")
 
 
@@ -258,16 +259,29 @@ def test_help_is_exit_0(capsys):
     assert "run one experiment" in capsys.readouterr().out
 
 
-def test_a_reader_that_leaves_early_is_no_fault():
-    reader, writer = os.pipe()
-    os.close(reader)
-    done = subprocess.run(
-        [sys.executable, "-m", "gbt_ocp.cli", "schema"],
-        cwd=Path(__file__).parents[1],
-        stdout=writer,
-        stderr=subprocess.PIPE,
-        text=True,
-        check=False,
+@pytest.mark.parametrize("option", ["--version", "-v"])
+def test_the_version_is_that_of_the_package(capsys, option):
+    assert cli.main([option]) == 0
+    assert capsys.readouterr().out == f"gbt-ocp {version('gbt_ocp')}\n"
+
+
+def test_a_fault_before_the_run_shows_no_progress_bar(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("log.csv").write_text("t,own_x,own_y,bearing_deg\n0,0,0,x\n")
+    Path("bad.yaml").write_text("planner: {gamma: 2}\n")
+    Path("own.py").write_text("from problems import none\n")
+    wrong = (
+        ["run", "bad.yaml"],
+        ["run", "own.py"],
+        ["run", "case2", "--set", "planner.solver_options={no_such: 1}"],
+        ["replay", "log.csv", "--bearing-from", "x"],
+        ["replay", "missing.csv", "--bearing-from", "x"],
+        ["sweep", "bad.yaml", "--runs", "2"],
+        ["compare", "bad.yaml"],
+        ["compare", "case2", "--formulations", "none"],
     )
-    os.close(writer)
-    assert (done.returncode, done.stderr) == (0, "")
+    for arguments in wrong:
+        assert cli.main(arguments) == 2, arguments
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert all("; allowed" in line for line in err.splitlines()), err

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import gbt_ocp as gbt
-from gbt_ocp.cli import arguments
 from gbt_ocp.cli import main as cli
+from gbt_ocp.cli.studies import COMPARED
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.ocp.codegen.library import find_compiler
 from gbt_ocp.ocp.solvers.base import Solution
@@ -358,7 +358,7 @@ def test_a_folder_of_something_else_is_left_alone(done, few, tmp_path):
 
 
 def test_the_command_line_names_all_treatments():
-    assert ", ".join(treatments.FORMULATIONS) == arguments.COMPARED
+    assert ", ".join(treatments.FORMULATIONS) == COMPARED
 
 
 def test_soft_limits_and_shooting_answer_the_same_questions(tmp_path):

@@ -14,15 +14,17 @@ from scipy.optimize import lsq_linear, minimize
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
 from gbt_ocp.guidance.target_limits import RangeLimits
 from gbt_ocp.models.bearings import DesiredBearing
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass, Unicycle
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.models.vehicles import PlanarPointMass, Unicycle
 from gbt_ocp.ocp import FlatTrajectory, KeepOut, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.check import LimitCheck
 from gbt_ocp.ocp.codegen import library as building
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_source
 from gbt_ocp.ocp.codegen.library import CompilerError, build_library, find_compiler
+from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.solvers.choice import make_solver
-from gbt_ocp.ocp.solvers.compiled import CompiledOptions, CompiledSolver
+from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
 from gbt_ocp.ocp.transcription import input_scale, transcribe
 
@@ -401,6 +403,52 @@ def test_an_expression_without_c_form_is_refused():
     x = ca.MX.sym("x", 2, 2)
     with pytest.raises(NotGenerableError, match="cannot be generated"):
         c_source([ca.Function("inverse", [x], [ca.vec(ca.inv(x))])])
+
+
+@pytest.mark.parametrize(
+    ("named", "function"),
+    [("erfinv", lambda x: ca.erfinv(x / 100.0)), ("CASADI_PRINTF", lambda x: ca.SX.printme(x, x))],
+)
+def test_what_libm_does_not_have_is_refused_and_auto_falls_back(named, function):
+    term = Term(lambda point, goal: -(function(point.z[0] - goal[0]) ** 2))
+    problem = TrajectoryProblem(POINT_MASS, 1, 1.0).maximize(term)
+    with pytest.raises(NotGenerableError, match=f"found {named}; allowed: what C99 and its libm have"):
+        problem.compile("compiled")
+    with pytest.warns(RuntimeWarning, match=f"auto takes ipopt.*{named}"):
+        assert problem.compile("auto").solver.name == "ipopt"
+
+
+def test_generated_code_that_is_not_understood_is_refused_and_auto_falls_back(monkeypatch):
+    """Another version of CasADi may write its C otherwise."""
+    problem = TrajectoryProblem(POINT_MASS, 1, 1.0).maximize(NEAREST)
+    dump = ca.CodeGenerator.dump
+    spoilt = (
+        lambda text: text.replace("return casadi_f", "return casadi_g"),
+        lambda text: text.replace("casadi_sq", "casadi_square_").replace("casadi_square_ CASADI", "casadi_q CASADI"),
+        lambda text: text.replace("static int casadi_f", "static long casadi_f"),
+        lambda text: text.replace("(res[0]!=0)", "(res[0])"),
+        lambda text: "",
+    )
+    for change in spoilt:
+        monkeypatch.setattr(ca.CodeGenerator, "dump", lambda self, change=change: change(dump(self)))
+        with pytest.raises(NotGenerableError, match="cannot be generated as C"):
+            problem.compile("compiled")
+        with pytest.warns(RuntimeWarning, match="auto takes ipopt"):
+            assert problem.compile("auto").solver.name == "ipopt"
+
+
+@pytest.mark.parametrize("constant", [np.inf, np.nan], ids=str)
+def test_infinite_and_undefined_constants_compile(constant):
+    """A constant behind a condition that never holds on the way changes nothing."""
+    plain = TrajectoryProblem(POINT_MASS, 2, 1.0).subject_to(ThrustLimit(POINT_MASS), nodes=1)
+
+    def fenced(point, goal):
+        return ca.if_else(point.z[0] > -5.0, -ca.sumsqr(point.z - goal), -constant)
+
+    found = solve(plain.maximize(Term(fenced)), np.zeros((2, 2)), [0.3, 1.0])
+    expected = solve(plain.maximize(NEAREST), np.zeros((2, 2)), [0.3, 1.0])
+    assert found.status == "solved"
+    np.testing.assert_allclose(found.variables, expected.variables, atol=1e-6)
 
 
 def test_unknown_names_and_options_are_refused():

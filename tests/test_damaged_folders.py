@@ -99,7 +99,7 @@ def test_a_damaged_file_is_named_or_made_again(kept, request, monkeypatch, capsy
     step = FEW[request.node.callspec.id]
     chosen = kept.everything()
     if kept.folder.name == "compare":  # figures cost more than all the rest; the long form draws them
-        monkeypatch.setattr("gbt_ocp.studies.limits.report.write_report", lambda folder: None)
+        monkeypatch.setattr("gbt_ocp.studies.limits.report.write_report", lambda *_: None)
         chosen = [each for each in chosen if not each[1].startswith(("figures", "report"))]
     found = kept.outcomes(chosen[::step], capsys)
     assert sum(found.values()) >= 4

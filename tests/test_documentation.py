@@ -7,15 +7,19 @@ import shlex
 import sys
 import types
 from pathlib import Path
-from typing import get_args
 
 import pytest
 import yaml
 
-from gbt_ocp.cli import arguments as command_line
-from gbt_ocp.experiments.config.keys import Section
+from gbt_ocp.cli import parser as command_line
+from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
+from gbt_ocp.experiments.config.allowed import allowed, is_section, with_sizes
+from gbt_ocp.experiments.config.keys import sections_in
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.ocp.codegen.options import CompiledOptions
+from gbt_ocp.ocp.solvers.base import options_for
+from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -80,7 +84,7 @@ def test_yaml_blocks_are_configurations(name):
     assert name != "README.md" or blocks(README, "yaml")
 
 
-SUBCOMMANDS = tuple(command_line.EXAMPLES)
+SUBCOMMANDS = tuple(command_line.SUBCOMMANDS)
 PLACEHOLDERS = {"$case": "1", "$seed": "0"}
 
 
@@ -91,6 +95,8 @@ def test_commands_parse(name):
         for placeholder, value in PLACEHOLDERS.items():
             line = line.replace(placeholder, value)
         words = shlex.split(re.split(r";| > ", line)[0])
+        if words[0] in ("--version", "-v"):
+            continue
         assert words[0] in SUBCOMMANDS
         if len(words) == 1 or "--help" in words:  # a subcommand that is merely named
             continue
@@ -102,6 +108,44 @@ def test_commands_parse(name):
         configs = arguments.config if isinstance(arguments.config, list) else [arguments.config]
         for config in filter(None, configs):  # a sweep that is taken up needs none
             load_config(source(config, (ROOT / name).parent), overrides=overrides)
+
+
+def solver_options():
+    """Every mapping that a document gives ``planner.solver_options``, with its document."""
+    for name, text in DOCUMENTS.items():
+        for mapping in re.findall(r"solver_options`?(?: may hold[^{]*|: |=|, for example `)(\{[^`]*\})`", text):
+            yield pytest.param(yaml.safe_load(mapping), id=f"{name} {mapping}")
+
+
+def test_solver_options_are_documented():
+    assert len(list(solver_options())) >= 4
+
+
+@pytest.mark.parametrize("options", list(solver_options()))
+def test_documented_solver_options_are_those_of_a_solver(options):
+    problem = problem_of_case2()
+    refused = []
+    for solver in ("compiled", "ipopt"):
+        own = options_for(solver, options)
+        try:
+            CompiledOptions.checked(own, problem.pieces) if solver == "compiled" else IpoptSolver(problem, own)
+        except ValueError as fault:
+            refused.append(str(fault))
+    # those of one solver are not known to the other, unless each stands under the solver's name
+    assert len(refused) <= (0 if set(options) <= {"compiled", "ipopt"} else 1), refused
+
+
+def problem_of_case2():
+    configuration = load_config("case2")
+    return build_problem(configuration, build_vehicle(configuration))
+
+
+def test_getting_started_activates_the_environment_before_the_first_command_that_needs_it():
+    text = DOCUMENTS["docs/getting-started.md"]
+    commands = [line.strip() for line in text.splitlines() if re.match(r" {4}gbt-ocp|.venv/bin/|pip |source ", line)]
+    assert commands[:2] == ["source .venv/bin/activate", "pip install ."]
+    assert all(not line.startswith(".venv") for line in commands)
+    assert sum(line.startswith("gbt-ocp") for line in commands) >= 7
 
 
 def source(config, folder):
@@ -178,29 +222,17 @@ def test_every_misprint_has_its_row_and_its_test():
 # The configuration
 
 
-def sections(annotation):
-    if isinstance(annotation, type) and issubclass(annotation, Section):
-        return [annotation]
-    return [section for argument in get_args(annotation) for section in sections(argument)]
-
-
-def literals(annotation):
-    return [str(argument) for argument in get_args(annotation) if isinstance(argument, str)]
-
-
 def keys(model=Configuration, prefix=""):
     """Key path, default, what is allowed and meaning of every key; a key of several kinds of a section comes once."""
     found = {}
     for name, field in model.model_fields.items():
         path = f"{prefix}{name}"
-        extra = field.json_schema_extra or {}
-        inner = sections(field.annotation)
-        if not inner or "allowed" in extra:
-            allowed = extra.get("allowed", ", ".join(literals(field.annotation)))
+        inner = sections_in(field.annotation)
+        if not is_section(field):
             known = field.default_factory is None and not field.is_required()
             default = yaml.safe_dump(field.default, default_flow_style=True) if known else ""
             default = default.replace("\n...", "").strip().replace("!!python/tuple ", "")
-            found[path] = [default, allowed.replace("{d}", "d").replace("{n}", "d + 1"), field.description]
+            found[path] = [default, with_sizes(allowed(field), {}), field.description]
         for section in inner:
             for key, row in keys(section, f"{path}.").items():
                 if key in found and key.endswith(".kind"):

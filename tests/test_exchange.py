@@ -5,7 +5,7 @@ import pytest
 
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
 from gbt_ocp.models.bearings import DesiredBearing
-from gbt_ocp.models.vehicles import FALCON_2D, FossenVehicle
+from gbt_ocp.models.fossen import FALCON_2D, FossenVehicle
 from gbt_ocp.ocp import ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.solvers.ipopt import IpoptSolver

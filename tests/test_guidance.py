@@ -6,7 +6,7 @@ import pytest
 from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.models.bearings import DesiredBearing
-from gbt_ocp.models.vehicles import FALCON_2D, FossenVehicle
+from gbt_ocp.models.fossen import FALCON_2D, FossenVehicle
 from gbt_ocp.tracking.protocol import Forecast
 
 VEHICLE = FossenVehicle(FALCON_2D, [5000.0, 5000.0, 1500.0])

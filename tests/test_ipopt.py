@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import minimize
 
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
-from gbt_ocp.models.vehicles import FALCON_2D, FossenVehicle
+from gbt_ocp.models.fossen import FALCON_2D, FossenVehicle
 from gbt_ocp.ocp import ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.solvers.ipopt import FILES, IpoptSolver, ipopt_function

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.ocp import KeepOut, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.codegen.library import build_library, find_compiler, kernel_files
 from gbt_ocp.ocp.codegen.problem_source import generate_problem

@@ -8,7 +8,7 @@ from gbt_ocp.studies.paper.measures import (
     proportion,
     rank_correlation,
     share_within,
-    squared_errors,
+    squared_forecast_errors,
 )
 
 
@@ -21,7 +21,7 @@ def test_calibrated_posteriors_have_the_chi_square_of_their_dimension_at_every_s
     error = np.einsum("iab,kib->kia", roots, rng.standard_normal((4000, 4, dimension)))
     mean, covariance = np.zeros((4003, 4, dimension)), np.tile(roots @ np.swapaxes(roots, 1, 2), (4003, 1, 1, 1))
     mean[:4000] = truth + error
-    found = squared_errors(mean, covariance, target)
+    found = squared_forecast_errors(mean, covariance, target)
     assert found.shape == (4000, 4)
     np.testing.assert_allclose(found.mean(axis=0), dimension, rtol=0.1)
     np.testing.assert_allclose(share_within(found, dimension, 0.9), 0.9, atol=0.02)
@@ -33,7 +33,7 @@ def test_a_squared_error_by_hand_and_an_unknown_one():
     mean, covariance = np.zeros((3, 2, 2)), np.tile(np.diag([1.0, 4.0]), (3, 2, 1, 1))
     covariance[1, 0] = np.nan
     # step 0: (1, 1) now and (2, 2) next; step 1: unknown now, (3, 3) next; step 2 predicts beyond the run
-    np.testing.assert_allclose(squared_errors(mean, covariance, target), [[1.25, 5.0], [np.nan, 11.25]])
+    np.testing.assert_allclose(squared_forecast_errors(mean, covariance, target), [[1.25, 5.0], [np.nan, 11.25]])
 
 
 def test_rank_correlation_counts_singular_matrices_as_the_worst():

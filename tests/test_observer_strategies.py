@@ -13,7 +13,8 @@ from gbt_ocp.guidance.inverse_dynamics import InverseDynamics
 from gbt_ocp.guidance.line_of_sight import LineOfSight
 from gbt_ocp.guidance.protocol import BearingGuidance
 from gbt_ocp.models.bearings import DesiredBearing
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.models.vehicles import PlanarPointMass
 from gbt_ocp.simulation.loop import simulate
 from gbt_ocp.simulation.mover import Mover
 from gbt_ocp.tracking.protocol import Forecast

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
-from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
+from gbt_ocp.guidance.pacing import FASTEST, PacedBearing, circling_speed, largest_speed, steady_speed
 from gbt_ocp.models.bearings import DesiredBearing
-from gbt_ocp.models.vehicles import FALCON_2D, FossenVehicle, PlanarPointMass
+from gbt_ocp.models.fossen import FALCON_2D, FossenVehicle
+from gbt_ocp.models.vehicles import PlanarPointMass
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -55,3 +56,17 @@ def test_the_steady_speed_is_where_the_forward_dynamics_stop_accelerating():
 def test_without_drag_there_is_none():
     assert steady_speed(PlanarPointMass(1.0, 0.0)) is None
     assert steady_speed(PlanarPointMass(1.0, 0.5, (1.0, 1.0))) == pytest.approx(2.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("speed", [1e-3, 0.7, 1.0, 37.0, 999.0])
+def test_the_largest_speed_is_where_the_load_reaches_one(speed):
+    assert largest_speed(lambda v: (v / speed) ** 2) == pytest.approx(speed, rel=1e-12)
+
+
+def test_a_load_that_never_reaches_one_has_no_largest_speed():
+    assert largest_speed(lambda v: v / (2.0 * FASTEST)) is None
+    free = PlanarPointMass(1.0, 0.0)
+    assert steady_speed(free) is None
+    # without drag only the centripetal force limits the speed: m v² / R = τ_max
+    assert circling_speed(free, 100.0) == pytest.approx(10.0)
+    assert circling_speed(free, 1e12) == FASTEST

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.ocp import ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.problem_data import HardLimit

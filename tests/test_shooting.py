@@ -12,7 +12,8 @@ from gbt_ocp.experiments.build.loop import build_loop, build_problem
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
 from gbt_ocp.guidance.planned import PlannedMotion
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle, PlanarPointMass, Unicycle, acceleration
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.models.vehicles import PlanarPointMass, Unicycle, acceleration
 from gbt_ocp.ocp import KeepOut, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.simulation.loop import simulate

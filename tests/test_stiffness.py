@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gbt_ocp as gbt
-from gbt_ocp.models.vehicles import FALCON_2D, FALCON_3D, FossenVehicle
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.ocp import ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
 from gbt_ocp.ocp.trajectory import FlatTrajectory

@@ -226,8 +226,11 @@ def test_a_broken_engine_is_not_tried_for_ever(tmp_path):
 
     plan = plan_sweep(SHORT, runs=1)
     sweeping.begin(tmp_path / "sweep", plan)
-    with pytest.raises(WorkerDiedError):
+    with pytest.raises(ConfigurationError) as caught:
         sweeping.carry_out(plan, tmp_path / "sweep", Broken())
+    assert caught.value.faults == [
+        "found workers that die before they begin (no worker ever starts); allowed: workers that live"
+    ]
 
 
 COMMAND = [sys.executable, "-m", "gbt_ocp.cli", "sweep"]

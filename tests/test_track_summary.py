@@ -8,7 +8,7 @@ import synthetic_run
 from scipy.stats import chi2
 
 from gbt_ocp.simulation.history import History
-from gbt_ocp.simulation.track_summary import squared_distances, track_numbers
+from gbt_ocp.simulation.track_summary import track_numbers
 
 
 def history(steps=201, ahead=10, **changes):
@@ -29,15 +29,6 @@ def history(steps=201, ahead=10, **changes):
         "bound": np.ones((steps, ahead + 1)),
     }
     return History(**{**arrays, **changes})
-
-
-def test_squared_distances_are_those_of_the_inverse():
-    rng = np.random.default_rng(1)
-    roots, errors = rng.standard_normal((50, 3, 3)), rng.standard_normal((50, 3))
-    sigma = roots @ np.swapaxes(roots, 1, 2)
-    expected = [e @ np.linalg.inv(s) @ e for e, s in zip(errors, sigma, strict=True)]
-    np.testing.assert_allclose(squared_distances(errors, sigma), expected, rtol=1e-8)
-    assert np.isnan(squared_distances(errors[:1], np.full((1, 3, 3), np.nan)))[0]
 
 
 def test_a_calibrated_posterior_is_found_calibrated():

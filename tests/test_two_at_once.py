@@ -8,6 +8,7 @@ from processes import forked
 from small_folders import KINDS, begin, go_on, little_to_do, result
 from test_run_folder import result as made_up
 
+from gbt_ocp.cli import folders
 from gbt_ocp.cli import main as cli
 from gbt_ocp.experiments.sweep import execution
 from gbt_ocp.experiments.sweep.plan import plan_sweep
@@ -114,7 +115,7 @@ def test_processes_at_once_lose_nothing_time_and_again(tmp_path, kind):
 def test_runs_that_come_too_late_each_find_a_place(tmp_path, monkeypatch, capsys):
     """Another run takes the very name that was just found free."""
     taken = []
-    free = cli._beside
+    free = folders.beside
 
     def slow(folder):
         found = free(folder)
@@ -124,10 +125,10 @@ def test_runs_that_come_too_late_each_find_a_place(tmp_path, monkeypatch, capsys
                 (temporary / "theirs").touch()
         return found
 
-    monkeypatch.setattr(cli, "_beside", slow)
+    monkeypatch.setattr(folders, "beside", slow)
     (tmp_path / "asked").mkdir()
     (tmp_path / "asked" / "theirs").touch()
-    place, drawn = cli._save_somewhere(made_up(), tmp_path / "asked", figures=False)
+    place, drawn = folders.save_somewhere(made_up(), tmp_path / "asked", figures=False)
     assert (place, drawn) == (tmp_path / "asked-4", True)
     assert (place / "summary.json").is_file()
     assert [path.name for path in taken] == ["asked-2", "asked-3"]

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from gbt_ocp.experiments.config import catalogue
-from gbt_ocp.experiments.config.schema import schema
+from gbt_ocp.experiments.config.json_schema import json_schema
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -75,7 +75,7 @@ def test_a_users_script_passes_mypy_strict_and_its_mistakes_do_not(tmp_path):
 def test_the_schema_beside_the_configurations_is_the_current_one():
     """After a change: ``gbt-ocp schema > configs/schema.json``."""
     written = json.loads((catalogue.configs_folder() / "schema.json").read_text(encoding="utf-8"))
-    assert written == schema(), "run: gbt-ocp schema > configs/schema.json"
+    assert written == json_schema(), "run: gbt-ocp schema > configs/schema.json"
 
 
 @pytest.mark.parametrize("name", catalogue.config_names())

@@ -13,7 +13,7 @@ def interrupted_between_steps() -> Iterator[Callable[[], None]]:
     """Yield a function that raises ``KeyboardInterrupt`` if Ctrl-C was pressed since; a second one is not waited for.
 
     CasADi swallows an interrupt that arrives while IPOPT runs: the step fails, is answered by a fallback, and the run
-    goes on as if nothing had been said.
+    goes on. A process that ignores Ctrl-C (a worker, or what a shell starts in the background) goes on ignoring it.
     """
     pressed = False
 
@@ -27,7 +27,8 @@ def interrupted_between_steps() -> Iterator[Callable[[], None]]:
         if pressed:
             raise KeyboardInterrupt
 
-    if threading.current_thread() is not threading.main_thread():  # only the main thread gets signals
+    main = threading.current_thread() is threading.main_thread()  # which alone receives signals
+    if not main or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         yield check
         return
     before = signal.signal(signal.SIGINT, remember)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import warnings
 from collections.abc import Iterable, Mapping
@@ -20,9 +21,9 @@ from gbt_ocp.experiments.interrupts import interrupted_between_steps
 from gbt_ocp.experiments.result import Result
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.guidance.startup import planner_of
+from gbt_ocp.ocp.codegen.library import CompilerError
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
-from gbt_ocp.simulation.history import History
 from gbt_ocp.simulation.loop import simulate, step_count
 from gbt_ocp.simulation.summary import installed_versions, summarise
 
@@ -30,8 +31,8 @@ from gbt_ocp.simulation.summary import installed_versions, summarise
 def stalling_penalties(guidance: Guidance) -> list[str]:
     """Warnings, one a penalty whose kink is so stiff that Newton's method stalls on it.
 
-    Only IPOPT with the penalty as printed follows the kink itself; the elastic form and the compiled solver are told
-    it as inequalities and do not stall, however narrow it is (``gbt-ocp compare`` measures both).
+    Only IPOPT with the penalty as printed follows the kink itself; the elastic form and the compiled solver get it as
+    inequalities and do not stall, however narrow it is (``gbt-ocp compare`` measures both).
     """
     planner = planner_of(guidance)
     if not isinstance(planner, Planner) or not getattr(planner.solver, "prints_penalty", False):
@@ -90,7 +91,7 @@ def run(
     began = perf_counter()
     try:
         loop, start = build_loop(configuration)
-    except ValueError as fault:
+    except (ValueError, CompilerError) as fault:
         # What only shows when the parts are put together is still a fault of the input.
         raise ConfigurationError([f"{configuration.name}: {fault}"]) from fault
 
@@ -106,17 +107,18 @@ def run(
 
         def after_step(step: int, error: float, solver_time: float) -> None:
             check()
-            bar.set_postfix_str(f"error {error:.4f} m, solver {1e3 * solver_time:.1f} ms", refresh=False)
+            solver = f", solver {1e3 * solver_time:.1f} ms" if math.isfinite(solver_time) else ""
+            bar.set_postfix_str(f"error {error:.4f} m{solver}", refresh=False)
             bar.update()
 
         recording = simulate(loop, start, configuration.duration_s, after_step)
-    history = History(**recording.arrays)  # type: ignore[arg-type]  # names and kinds are checked there
+    history = recording.history
     summary = summarise(
         history,
         period=period,
         seed=configuration.seed,
         wall_s=perf_counter() - began,
-        solver_first_try=(history.solver_status == "solved") & (history.fallback == ""),
+        solver_first_try=history.answered & (history.fallback == ""),
         retries={
             "tightened": recording.tightened,
             "nugget": recording.nugget_retries,
@@ -128,10 +130,10 @@ def run(
         forecast_period=configuration.forecast_period,
         standoff=configuration.standoff,
     )
-    # `auto` says in the configuration that there was a choice, not what was chosen
+    # the configuration has `auto`, which does not name the solver that was chosen
     planner = planner_of(loop.guidance)
     summary["solver"] = planner.solver.name if isinstance(planner, Planner) else None
     summary["warnings"] = stalling
-    # the limits of a problem's own vehicle stand nowhere in its configuration
+    # the configuration has no limits of a problem's own vehicle
     summary["thrust_max"] = loop.vehicle.thrust_max.tolist()
     return Result(configuration, history, summary)

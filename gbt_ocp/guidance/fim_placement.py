@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gbt_ocp.guidance.protocol import Placement
 from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.sizes import positive
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
 
@@ -24,12 +25,17 @@ class FimPlacement:
         T in seconds.
     standoff
         r_d in metres.
+
+    Raises
+    ------
+    ValueError
+        If a number is not above 0.
     """
 
     def __init__(self, desired: DesiredBearing, period: float, *, standoff: float) -> None:
         self._desired = desired
-        self._period = period
-        self._standoff = standoff
+        self._period = positive("period", period)
+        self._standoff = positive("standoff", standoff)
 
     def decide(self, time: float, flat: Array, forecast: Forecast) -> Placement:
         """Where the vehicle is at the next step."""

@@ -6,7 +6,9 @@ import numpy as np
 
 from gbt_ocp.guidance.inverse_dynamics import InverseDynamics
 from gbt_ocp.guidance.line_of_sight import LineOfSight
-from gbt_ocp.models.vehicles import Vehicle, rotation
+from gbt_ocp.models.fossen import rotation
+from gbt_ocp.models.sizes import positive
+from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
 
@@ -51,7 +53,7 @@ class HelicalGuidance:
     Raises
     ------
     ValueError
-        If the vehicle does not move in space.
+        If the vehicle does not move in space, or frequency or standoff are not above 0.
     """
 
     def __init__(
@@ -73,8 +75,8 @@ class HelicalGuidance:
         self._period = period
         self._gain = gain
         self._amplitudes = amplitude_z, amplitude_y
-        self._frequency = frequency
-        self._standoff = standoff
+        self._frequency = positive("frequency", frequency)
+        self._standoff = positive("standoff", standoff)
         self._range_gain = range_gain
         self._range_damping = range_damping
 

@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from gbt_ocp.guidance.objectives import NEAR
+from gbt_ocp.models.sizes import at_least, positive
 from gbt_ocp.ocp.terms import Moments, needed
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.typing import Array
@@ -74,7 +75,7 @@ class FisherInformation:
     Raises
     ------
     ValueError
-        If the criterion is unknown.
+        If the criterion is unknown, or the reference is not above 0.
     """
 
     dimension: int
@@ -82,6 +83,7 @@ class FisherInformation:
     reference: float = 1.0
 
     def __post_init__(self) -> None:
+        positive("reference", self.reference)
         if self.criterion not in CRITERIA:
             raise ValueError(f"criterion: found {self.criterion!r}; allowed: {', '.join(CRITERIA)}")
 
@@ -139,10 +141,18 @@ class NearInformation:
         d.
     reference
         ρ in metres.
+
+    Raises
+    ------
+    ValueError
+        If the reference is not above 0.
     """
 
     dimension: int
     reference: float = 1.0
+
+    def __post_init__(self) -> None:
+        positive("reference", self.reference)
 
     @property
     def shapes(self) -> Mapping[str, tuple[int, int]]:
@@ -179,10 +189,18 @@ class PosteriorVariance:
         d.
     pieces
         p, the endpoints of the plan.
+
+    Raises
+    ------
+    ValueError
+        If ``pieces`` is not a whole number from 1 on.
     """
 
     dimension: int
     pieces: int
+
+    def __post_init__(self) -> None:
+        at_least("pieces", self.pieces, 1)
 
     @property
     def shapes(self) -> Mapping[str, tuple[int, int]]:

@@ -1,23 +1,29 @@
-"""From a wished acceleration or velocity to thrust: the flatness map of the vehicle, within its limits."""
+"""From an acceleration or a velocity to the thrust that brings it about, by the flatness map, within the limits."""
 
 from __future__ import annotations
 
 import casadi as ca
 import numpy as np
 
+from gbt_ocp.models.sizes import positive
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.typing import Array
 
 
 class InverseDynamics:
-    """Thrust that gives the position a wished acceleration and brings all else, the yaw, to rest.
+    """Thrust that gives the position an acceleration and brings the yaw, where there is one, to rest.
 
     Parameters
     ----------
     vehicle
         Its first d flat outputs are the position.
     period
-        T in seconds, over which a wished change of velocity is brought about.
+        T in seconds, over which a change of velocity is brought about.
+
+    Raises
+    ------
+    ValueError
+        If the period is not above 0.
     """
 
     def __init__(self, vehicle: Vehicle, period: float) -> None:
@@ -26,13 +32,13 @@ class InverseDynamics:
         self._inputs = ca.Function("inputs", point, [vehicle.inputs(*point)])
         self._limit = vehicle.thrust_max
         self._dimension = vehicle.position_dimension
-        self._period = period
+        self._period = positive("period", period)
 
     def accelerate(self, flat: Array, acceleration: Array) -> Array:
         """Thrust ``(m,)`` for an acceleration ``(d,)`` in m/s² at the flat output ``(L, n)``, each input clipped."""
-        wished = -flat[1] / self._period
-        wished[: self._dimension] = acceleration
-        thrust = np.asarray(self._inputs(flat[0], flat[1], wished), dtype=float).ravel()
+        whole = -flat[1] / self._period
+        whole[: self._dimension] = acceleration
+        thrust = np.asarray(self._inputs(flat[0], flat[1], whole), dtype=float).ravel()
         return np.asarray(np.clip(thrust, -self._limit, self._limit))
 
     def reach_velocity(self, flat: Array, velocity: Array) -> Array:

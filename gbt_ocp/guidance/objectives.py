@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.sizes import not_negative, positive
 from gbt_ocp.ocp.terms import Moments, needed
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.typing import Array
@@ -64,11 +65,19 @@ class BearingSimilarity:
     axial
         Maximise ``E(⟨λ*, λ⟩²)`` instead: a bearing counts the same as its opposite, as it does in P (``eq20``), so the
         vehicle may be on either side of the target.
+
+    Raises
+    ------
+    ValueError
+        If κ is not above -d, where the weights of the transform have no meaning.
     """
 
     dimension: int
     kappa: float = 1.0
     axial: bool = False
+
+    def __post_init__(self) -> None:
+        positive("dimension + kappa", self.dimension + self.kappa)
 
     @property
     def shapes(self) -> Mapping[str, tuple[int, int]]:
@@ -115,11 +124,20 @@ class RangePull:
         Reduction of the objective per metre of range and endpoint, beyond the reference.
     reference
         Range in metres at which the pull has half its strength.
+
+    Raises
+    ------
+    ValueError
+        If the weight is below 0, or the reference not above it.
     """
 
     dimension: int
     weight: float = 0.2
     reference: float = 1.0
+
+    def __post_init__(self) -> None:
+        not_negative("weight", self.weight)
+        positive("reference", self.reference)
 
     @property
     def shapes(self) -> Mapping[str, tuple[int, int]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.sizes import positive
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
@@ -59,11 +60,16 @@ class RandomThrust:
         Seconds between draws.
     rng
         Source of the draws.
+
+    Raises
+    ------
+    ValueError
+        If the time is not above 0.
     """
 
     def __init__(self, vehicle: Vehicle, hold: float, rng: np.random.Generator) -> None:
         self._limit = vehicle.thrust_max
-        self._hold = hold
+        self._hold = positive("hold", hold)
         self._rng = rng
         self._draw = -1
         self._thrust = np.zeros_like(self._limit)

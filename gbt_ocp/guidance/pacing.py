@@ -2,24 +2,26 @@
 
 The desired bearing of the paper turns once in T m seconds wherever the target is. From a range r that asks for a speed
 of ``ω ρ r`` round the target, ρ being the radius of the circle that the bearing runs on the unit sphere. Where the
-vehicle cannot reach it, it does best to stay where it is, and bearings from one place say nothing about range: with
-noise the track is then lost. Slowed down, the same motion leads round the target at every range.
+vehicle cannot reach it, the best plan is to stay, and bearings from one place say nothing about range: with noise the
+track is then lost. Slowed down, the same motion leads round the target at every range.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.sizes import positive
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.typing import Array
 
-FASTEST = 100.0
-"""Speed in m/s beyond which a vehicle counts as free of drag."""
+FASTEST = 2.0**10
+"""Speed in m/s up to which a vehicle's largest speed is searched, by doubling; beyond it counts as free of drag."""
 
 
 class PacedBearing:
@@ -31,13 +33,16 @@ class PacedBearing:
         The bearing at full pace.
     speed
         Speed in m/s that going round the target may ask for.
+
+    Raises
+    ------
+    ValueError
+        If the speed is not above 0.
     """
 
     def __init__(self, desired: DesiredBearing, speed: float) -> None:
-        if not speed > 0.0:
-            raise ValueError(f"speed: found {speed}; allowed: a number > 0")
         self._desired = desired
-        self._speed = speed / (1.0 if desired.dimension == 2 else np.sqrt(6.0) / 3.0)
+        self._speed = positive("speed", speed) / (1.0 if desired.dimension == 2 else np.sqrt(6.0) / 3.0)
         self._time = 0.0
         self._phase = 0.0
         self._pace = 1.0
@@ -54,34 +59,49 @@ class PacedBearing:
         return self._desired(self._phase + self._pace * (np.asarray(times, dtype=float) - self._time))
 
 
+def largest_speed(load: Callable[[float], float]) -> float | None:
+    """Largest speed in m/s at which a load stays within 1; ``None`` if it does so up to :data:`FASTEST`.
+
+    Parameters
+    ----------
+    load
+        Part of the limits that a speed in m/s takes; it grows with the speed.
+    """
+    slow, fast = 0.0, 1.0
+    while load(fast) <= 1.0:
+        if fast >= FASTEST:
+            return None
+        slow, fast = fast, 2.0 * fast
+    for _ in range(60):
+        middle = 0.5 * (slow + fast)
+        slow, fast = (middle, fast) if load(middle) <= 1.0 else (slow, middle)
+    return slow
+
+
+def thrust_of(vehicle: Vehicle) -> Callable[[Array, Array, Array], Array]:
+    """Inputs ``(m,)`` of a vehicle in numbers, a function of (z, ż, z̈), each ``(n,)``."""
+    point = [ca.SX.sym(name, vehicle.flat_dimension) for name in ("z", "dz", "ddz")]
+    function = ca.Function("inputs", point, [vehicle.inputs(*point)])
+    return lambda *values: np.asarray(function(*values), dtype=float).ravel()
+
+
 def steady_speed(vehicle: Vehicle) -> float | None:
     """Speed in m/s that the vehicle keeps up in the plane: geometric mean over both axes at zero yaw.
 
     ``None`` if there is no drag to limit it.
     """
-    n = vehicle.flat_dimension
-    z = [ca.SX.sym(name, n) for name in ("z", "dz", "ddz")]
-    thrust = ca.Function("thrust", z, [vehicle.inputs(*z)])
+    thrust, rest = thrust_of(vehicle), np.zeros(vehicle.flat_dimension)
     speeds = []
-    for axis in range(2):
-        along = np.eye(n)[axis]
+    for along in np.eye(vehicle.flat_dimension)[:2]:
 
-        def share(speed: float, along: Array = along) -> float:
-            found = np.asarray(thrust(np.zeros(n), speed * along, np.zeros(n))).ravel()
-            return float(np.max(np.abs(found) / vehicle.thrust_max))
+        def load(speed: float, along: Array = along) -> float:
+            return float(np.max(np.abs(thrust(rest, speed * along, rest)) / vehicle.thrust_max))
 
-        if share(FASTEST) < 1.0:
+        speed = largest_speed(load)
+        if speed is None:
             return None
-        low, high = 0.0, FASTEST
-        for _ in range(40):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if share(middle) < 1.0 else (low, middle)
-        speeds.append(low)
+        speeds.append(speed)
     return float(np.sqrt(speeds[0] * speeds[1]))
-
-
-FASTEST = 1.0e3
-"""Speed in m/s beyond which none is searched."""
 
 
 def horizontal_radius(dimension: int, range_: float) -> float:
@@ -90,7 +110,7 @@ def horizontal_radius(dimension: int, range_: float) -> float:
 
 
 def circling_speed(vehicle: Vehicle, radius: float, share: float = 1.0) -> float:
-    """Largest steady speed in m/s on a level circle, bow along the path, within the thrust there is.
+    """Largest steady speed in m/s on a level circle, bow along the path, within the thrust; at most :data:`FASTEST`.
 
     Parameters
     ----------
@@ -100,26 +120,25 @@ def circling_speed(vehicle: Vehicle, radius: float, share: float = 1.0) -> float
         Of the circle, in metres.
     share
         γ, the part of the limits that may be used.
+
+    Raises
+    ------
+    ValueError
+        If the radius or the share is not above 0.
     """
-    size, d = vehicle.flat_dimension, vehicle.position_dimension
-    point = [ca.SX.sym(name, size) for name in ("z", "dz", "ddz")]
-    inputs = ca.Function("inputs", point, [vehicle.inputs(*point)])
+    positive("radius", radius)
+    positive("share", share)
+    thrust, size, d = thrust_of(vehicle), vehicle.flat_dimension, vehicle.position_dimension
 
     def load(speed: float) -> float:
         z, dz, ddz = np.zeros((3, size))
         z[0], dz[1], ddz[0] = radius, speed, -(speed**2) / radius
         if size > d:
             z[d], dz[d] = math.pi / 2.0, speed / radius
-        thrust = np.abs(np.asarray(inputs(z, dz, ddz), dtype=float).ravel())
-        return float(np.max(thrust / (share * vehicle.thrust_max)))
+        return float(np.max(np.abs(thrust(z, dz, ddz)) / (share * vehicle.thrust_max)))
 
-    slow, fast = 0.0, 1.0
-    while load(fast) <= 1.0 and fast < FASTEST:
-        slow, fast = fast, 2.0 * fast
-    for _ in range(60):
-        middle = 0.5 * (slow + fast)
-        slow, fast = (middle, fast) if load(middle) <= 1.0 else (slow, middle)
-    return slow
+    speed = largest_speed(load)
+    return FASTEST if speed is None else speed
 
 
 def turn_period(radius: float, speed: float) -> float:

@@ -1,4 +1,4 @@
-"""What the bearings of the window say already: the past part of an information objective."""
+"""The information of the bearings in the window: the past part of an information objective."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.sizes import positive
 from gbt_ocp.typing import Array
 
 
@@ -24,12 +25,17 @@ class PastBearings:
         What one bearing counts, in planned ones: the sampling period over the length of a piece.
     weight
         w(r) of a range in metres; see :class:`gbt_ocp.guidance.information.FisherInformation`.
+
+    Raises
+    ------
+    ValueError
+        If span or share are not above 0.
     """
 
     def __init__(self, dimension: int, span: float, share: float, weight: Callable[[float], float]) -> None:
         self._dimension = dimension
-        self._span = span
-        self._share = share
+        self._span = positive("span", span)
+        self._share = positive("share", share)
         self._weight = weight
         self._kept: deque[tuple[float, Array, float]] = deque()
 

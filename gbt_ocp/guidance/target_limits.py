@@ -12,9 +12,10 @@ from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from gbt_ocp.guidance.objectives import NEAR
+from gbt_ocp.models.sizes import positive
 from gbt_ocp.ocp.terms import Moments, needed
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.typing import Array
@@ -53,13 +54,16 @@ class RangeLimits:
         Probability in [0.5, 1) of each of the two.
     foresee
         Whether later knots have the spread of the forecast, which no further bearing narrows; or else that of the
-        present, since a plan made anew every piece is executed only as far as its first one.
+        present, since only the first piece of a plan is executed before the next plan is made.
 
     Raises
     ------
     ValueError
-        If there is no limit at all, the limits exclude each other, or the confidence lies outside [0.5, 1).
+        If there is no limit at all, one is not above 0, they exclude each other, or the confidence lies outside
+        [0.5, 1).
     """
+
+    name: ClassVar[str] = "range"
 
     dimension: int
     nearest: float | None = None
@@ -70,6 +74,9 @@ class RangeLimits:
     def __post_init__(self) -> None:
         if self.nearest is None and self.farthest is None:
             raise ValueError("nearest: found None beside farthest None; allowed: a number for one of them")
+        for name in ("nearest", "farthest"):
+            if getattr(self, name) is not None:
+                positive(name, getattr(self, name))
         if self.nearest is not None and self.farthest is not None and not self.nearest < self.farthest:
             raise ValueError(f"nearest: found {self.nearest}; allowed: a number below farthest, {self.farthest}")
         if not 0.5 <= self.confidence < 1.0:
@@ -110,7 +117,7 @@ class RangeLimits:
         range_ = ca.sqrt(ca.sumsqr(line) + NEAR**2)
         sight = line / range_
         spread = ca.sqrt(ca.mtimes([sight.T, parameters["covariance"], sight]) + NEAR**2)
-        margin = float(norm.ppf(self.confidence)) * spread
+        margin = float(ndtri(self.confidence)) * spread
         rows = []
         if self.nearest is not None:
             rows.append((range_ - margin) / self.nearest)
@@ -125,9 +132,9 @@ class RangeLimits:
             covariance = np.tile(covariance[:1], (pieces + 1, 1, 1))
         return {"mean": mean[..., None], "covariance": covariance}
 
-    def at_knot(self, mean: Any, covariance: Any) -> Mapping[str, Any]:
-        """The moments themselves."""
-        return {"mean": mean, "covariance": covariance}
+    def at_knot(self, mean: Any, covariance: Any, present: Any) -> Mapping[str, Any]:
+        """The moments themselves, or the present spread around the mean."""
+        return {"mean": mean, "covariance": covariance if self.foresee else present}
 
 
 @dataclass(frozen=True)
@@ -152,6 +159,7 @@ class FieldOfView:
     dimension: int
     half_angle: float
 
+    name: ClassVar[str] = "bow_angle"
     upper: ClassVar[Array] = np.full(1, np.inf)
     backoff: ClassVar[Array] = np.zeros(1)
 
@@ -184,6 +192,6 @@ class FieldOfView:
         """Means ``(p+1, d, 1)`` at the knots."""
         return {"mean": moments_at_knots(pieces, data, self)[0][..., None]}
 
-    def at_knot(self, mean: Any, covariance: Any) -> Mapping[str, Any]:
+    def at_knot(self, mean: Any, covariance: Any, present: Any) -> Mapping[str, Any]:
         """The mean."""
         return {"mean": mean}

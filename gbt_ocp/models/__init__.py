@@ -9,18 +9,11 @@ from gbt_ocp.models.bearings import (
     tangent_basis,
     unit_bearing,
 )
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenParameters, FossenVehicle
 from gbt_ocp.models.sensors import BearingSensor
-from gbt_ocp.models.targets import MotionTarget, Target, TrackTarget, TurningTarget, case_target
-from gbt_ocp.models.vehicles import (
-    FALCON_2D,
-    FALCON_3D,
-    FossenParameters,
-    FossenVehicle,
-    PlanarPointMass,
-    Unicycle,
-    Vehicle,
-    acceleration,
-)
+from gbt_ocp.models.targets import MotionTarget, Target, TrackTarget, case_target
+from gbt_ocp.models.turning import TurningTarget
+from gbt_ocp.models.vehicles import PlanarPointMass, Unicycle, Vehicle, acceleration
 
 __all__ = [
     "FALCON_2D",

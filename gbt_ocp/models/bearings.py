@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.sizes import vector
 from gbt_ocp.typing import Array
 
 
@@ -163,6 +164,11 @@ class DesiredBearing:
         λ_0 of the paper, the preset direction in 3D ``(3,)``; normalised here. Ignored in 2D.
     phase
         Angle on the circle at t = 0 in radians; zero in the paper.
+
+    Raises
+    ------
+    ValueError
+        If the dimension is neither 2 nor 3, the axis is zero, or a number is not finite.
     """
 
     dimension: int
@@ -173,7 +179,8 @@ class DesiredBearing:
     def __post_init__(self) -> None:
         if self.dimension not in (2, 3):
             raise ValueError(f"dimension must be 2 or 3, found {self.dimension}")
-        if self.dimension == 3 and not np.linalg.norm(self.axis) > 0.0:
+        vector("rate and phase", (self.rate, self.phase), 2)
+        if self.dimension == 3 and not np.any(vector("axis", self.axis, 3)):
             raise ValueError(f"axis must not be zero, found {self.axis}")
 
     def __call__(self, times: ArrayLike) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
+from gbt_ocp.models.sizes import not_negative, positive
 from gbt_ocp.typing import Array
 
 
@@ -29,6 +30,11 @@ class BearingSensor:
         Time between outliers in seconds; the first comes after one such time.
     latency
         Time in seconds from a measurement to its arrival at the tracker.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range.
     """
 
     period: float
@@ -37,6 +43,14 @@ class BearingSensor:
     outlier: float = 0.0
     outlier_every: float = 10.0
     latency: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("period", self.period)
+        positive("outlier_every", self.outlier_every)
+        for name in ("noise", "missed_probability", "outlier", "latency"):
+            not_negative(name, getattr(self, name))
+        if self.missed_probability >= 1.0:
+            raise ValueError(f"missed_probability: found {self.missed_probability}; allowed: a number in [0, 1)")
 
     def measure(self, step: int, target: ArrayLike, own: ArrayLike, rng: np.random.Generator) -> Array | None:
         """Bearing ``(d,)`` at the step, or ``None`` where it is missed or undefined (target at the vehicle).

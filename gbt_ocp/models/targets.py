@@ -1,7 +1,6 @@
-"""Target motions: the six cases of the paper, abrupt manoeuvres, random turns, and recorded tracks.
+"""Target motions: the six cases of the paper, abrupt manoeuvres, and recorded tracks.
 
-A target is anything with a ``dimension`` and a ``position(times)`` in metres; nothing else of it is ever seen by the
-tracker, and only through a bearing.
+A target is anything with a ``dimension`` and a ``position(times)`` in metres. The tracker sees its bearings only.
 """
 
 from __future__ import annotations
@@ -13,9 +12,8 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline, make_interp_spline
-from scipy.signal import lfilter
 
+from gbt_ocp.models.sizes import positive
 from gbt_ocp.typing import Array
 
 
@@ -75,10 +73,18 @@ class OrbitAngle:
         second, and so on, so that the speed stays within the vehicle's.
     every_s
         Time between jumps in seconds.
+
+    Raises
+    ------
+    ValueError
+        If the time is not above 0.
     """
 
     turn_rate_step: float = 0.0
     every_s: float = 10.0
+
+    def __post_init__(self) -> None:
+        positive("every_s", self.every_s)
 
     def __call__(self, t: Array) -> Array:
         """ψ_T in radians, integrated in closed form."""
@@ -120,117 +126,6 @@ def case_target(number: int, *, turn_rate_step: float = 0.0, every_s: float = 10
     return MotionTarget(plane if number <= 3 else (*plane, height[number]))
 
 
-TURNING_STEP = 0.05
-"""Step in seconds at which the course of a :class:`TurningTarget` is integrated."""
-
-MOST_TURNS = 1_000_000
-"""Largest number of turns that are drawn for a :class:`TurningTarget`."""
-
-SPEED_TIME = 40.0
-"""Correlation time in seconds of a :class:`TurningTarget`'s speed, where it varies."""
-
-
-class TurningTarget:
-    """A boat that turns: the turn rate is drawn anew every so often, and held.
-
-    Turn rates are uniform within ``±turn_rate_max``, each held for a time uniform in ``hold``; the first heading is
-    uniform. In space the vertical speed is drawn and held in the same way. The speed over ground is constant, or
-    log-normal about ``speed`` with an exponential correlation over :data:`SPEED_TIME`.
-
-    Parameters
-    ----------
-    dimension
-        d.
-    rng
-        Source of the draws; a longer duration continues the same motion.
-    duration
-        Time in seconds up to which the motion is defined.
-    start
-        P_T(0) ``(d,)`` in metres.
-    speed
-        Horizontal speed in m/s; its median, where it varies.
-    turn_rate_max
-        In rad/s.
-    hold
-        Least and largest time in seconds between two draws.
-    climb_rate_max
-        Largest vertical speed in m/s, in space.
-    speed_std
-        Standard deviation of the logarithm of the speed.
-
-    Raises
-    ------
-    ValueError
-        If a number is out of range.
-    """
-
-    def __init__(
-        self,
-        dimension: int,
-        rng: np.random.Generator,
-        *,
-        duration: float,
-        start: ArrayLike,
-        speed: float = 1.0,
-        turn_rate_max: float = 0.05,
-        hold: tuple[float, float] = (20.0, 40.0),
-        climb_rate_max: float = 0.1,
-        speed_std: float = 0.0,
-    ) -> None:
-        if dimension not in (2, 3):
-            raise ValueError(f"dimension must be 2 or 3, found {dimension}")
-        if not 0.0 < hold[0] <= hold[1]:
-            raise ValueError(f"hold must be two increasing positive times, found {hold}")
-        numbers = {"duration": duration, "speed": speed}
-        if not (all(value > 0.0 for value in numbers.values()) and min(turn_rate_max, climb_rate_max, speed_std) >= 0):
-            raise ValueError(f"duration and speed must be positive, rates not negative, found {numbers}")
-        longest = min(MOST_TURNS * 0.5 * (hold[0] + hold[1]), 5 * MOST_TURNS * TURNING_STEP)
-        if duration > longest:
-            raise ValueError(
-                f"target: found a motion of {duration:.6g} s; allowed: at most {longest:.6g} s, {MOST_TURNS} turns of "
-                f"hold_s or {5 * MOST_TURNS} steps of {TURNING_STEP} s"
-            )
-        self.dimension = dimension
-        self.duration = float(duration)
-        turns, speeds = rng.spawn(2)
-        count = int(np.ceil(duration / TURNING_STEP)) + 2
-        t = TURNING_STEP * np.arange(count)
-        heading, begins, rates, climbs = turns.uniform(-np.pi, np.pi), [0.0], [], []
-        while begins[-1] <= t[-1]:
-            rates.append(turns.uniform(-turn_rate_max, turn_rate_max))
-            climbs.append(turns.uniform(-climb_rate_max, climb_rate_max))
-            begins.append(begins[-1] + turns.uniform(*hold))
-        # between two steps the course is straight: with 0.05 rad/s that is wrong by less than a micrometre a step
-        heading += np.interp(t, begins, np.concatenate([[0.0], np.cumsum(np.diff(begins) * rates)]))
-        log_speed = np.full(count, np.log(speed))
-        if speed_std > 0.0:
-            keep = np.exp(-TURNING_STEP / SPEED_TIME)
-            draws = speed_std * speeds.standard_normal(count)
-            draws[1:] *= np.sqrt(1.0 - keep**2)
-            log_speed += lfilter([1.0], [1.0, -keep], draws)
-        velocity = np.exp(log_speed)[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
-        moved = np.vstack([np.zeros(2), np.cumsum(0.5 * TURNING_STEP * (velocity[1:] + velocity[:-1]), axis=0)])
-        if dimension == 3:
-            climbed = np.concatenate([[0.0], np.cumsum(np.diff(begins) * climbs)])
-            moved = np.column_stack([moved, np.interp(t, begins, climbed)])
-        self._path = make_interp_spline(t, np.asarray(start, dtype=float) + moved, k=1)
-
-    def position(self, times: ArrayLike) -> Array:
-        """P_T(t) ``(..., d)``.
-
-        Raises
-        ------
-        ValueError
-            Outside the time for which the motion is defined.
-        """
-        t = np.asarray(times, dtype=float)
-        if np.any(t < 0.0) or np.any(t > self.duration + 1e-9):
-            raise ValueError(
-                f"the motion lasts from 0 to {self.duration:.6g} s, asked for {np.min(t)} to {np.max(t)} s"
-            )
-        return np.asarray(self._path(t))
-
-
 class TrackTarget:
     """A recorded track, interpolated by a cubic spline.
 
@@ -251,7 +146,7 @@ class TrackTarget:
     Raises
     ------
     ValueError
-        If there are fewer than four samples, times do not increase, or numbers are not finite.
+        If there are fewer than four samples, times do not increase, numbers are not finite, or a scale is not above 0.
     """
 
     def __init__(
@@ -264,6 +159,8 @@ class TrackTarget:
         start: ArrayLike | None = None,
         start_time: float = 0.0,
     ) -> None:
+        positive("length_scale", length_scale)
+        positive("time_scale", time_scale)
         t = np.asarray(times, dtype=float)
         p = np.asarray(positions, dtype=float)
         if len(t) < 4 or p.shape[:1] != t.shape:
@@ -274,6 +171,8 @@ class TrackTarget:
             raise ValueError(
                 f"start_time must lie within the {t[-1] - t[0]:.6g} s of the track, found {start_time:.6g}"
             )
+        from scipy.interpolate import CubicSpline  # takes a second to import, which other targets do not need
+
         self._spline = CubicSpline((t - t[0] - start_time) * time_scale, p * length_scale, extrapolate=False)
         self._shift = np.zeros(p.shape[1])
         if start is not None:
@@ -297,7 +196,8 @@ class TrackTarget:
         Raises
         ------
         ValueError
-            If columns are missing or cells are not numbers; the message names the file.
+            If columns are missing, cells are not numbers, or a row has not as many as the header; the message names
+            the file.
         OSError
             If the file cannot be read.
         """
@@ -306,11 +206,17 @@ class TrackTarget:
             header = [name.strip() for name in file.readline().split(",")]
             if not set(columns) <= set(header):
                 raise ValueError(f"{path}: columns {', '.join(header)}; needed are {', '.join(columns)}")
-            rows = [line for line in file if line.strip()]
+            rows = {number: line for number, line in enumerate(file, start=2) if line.partition("#")[0].strip()}
             if not rows:
                 raise ValueError(f"{path}: no rows below the header")
+            for number, line in rows.items():
+                count = line.partition("#")[0].count(",") + 1
+                if count != len(header):  # its cells may be those of other columns
+                    raise ValueError(f"{path}: line {number}: found {count} cells; allowed: {len(header)}")
             try:
-                table = np.loadtxt(rows, delimiter=",", usecols=[header.index(name) for name in columns], ndmin=2)
+                table = np.loadtxt(
+                    list(rows.values()), delimiter=",", usecols=[header.index(name) for name in columns], ndmin=2
+                )
             except ValueError as fault:
                 raise ValueError(f"{path}: {fault}") from fault
         try:

@@ -1,13 +1,14 @@
 """The optimal-control toolbox: trajectory problems of flat vehicles, posed by verbs and solved again and again."""
 
+from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.export.folder import write_c
+from gbt_ocp.ocp.follower import Follower
 from gbt_ocp.ocp.limits import DepthLimits, KeepOut, KeepOutPolygon, SpeedLimit, ThrustLimit, YawRateLimit
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.problem import TrajectoryProblem
 from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.ocp.solvers.base import Solution, Solver
-from gbt_ocp.ocp.solvers.compiled import CompiledOptions
 from gbt_ocp.ocp.terms import (
     Constraint,
     FromMoments,
@@ -26,6 +27,7 @@ __all__ = [
     "DepthLimits",
     "FlatPoint",
     "FlatTrajectory",
+    "Follower",
     "FromMoments",
     "JointObjective",
     "KeepOut",

@@ -6,17 +6,19 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.term_checks import bound_numbers
 from gbt_ocp.ocp.terms import JointObjective, MovingConstraint, Objective
 from gbt_ocp.ocp.transcription import limit_size
 from gbt_ocp.typing import Array
 
 
-def stack_parameters(term: Objective | JointObjective | MovingConstraint, bound: Mapping[str, Array]) -> Array:
-    """Numbers for the parameters of a term, one time a column ``(size, p)``, or ``(size, p+1)`` of a constraint."""
-    columns = [np.asarray(bound[name]).transpose(0, 2, 1).reshape(len(bound[name]), -1) for name in term.shapes]
-    return np.hstack(columns).T
+def stack_parameters(shapes: Mapping[str, tuple[int, int]], bound: Mapping[str, Array], count: int) -> Array:
+    """Numbers for parameters of these shapes at ``count`` times, one time a column ``(size, count)``."""
+    columns = [np.asarray(bound[name], dtype=float).transpose(0, 2, 1).reshape(count, -1) for name in shapes]
+    return np.hstack([np.zeros((count, 0)), *columns]).T
 
 
 class Binding:
@@ -31,7 +33,7 @@ class Binding:
         Raises
         ------
         ValueError
-            If something is missing, too short, or not finite.
+            If something is missing, of a wrong shape, or not finite; one line that names the class.
         """
         return [self._bound(term, self.problem.pieces, data) for term in self.problem.objectives]
 
@@ -52,24 +54,19 @@ class Binding:
         ]
 
     def _bound(self, term: Objective | JointObjective | MovingConstraint, count: int, data: Mapping[str, Any]) -> Array:
-        values = term.bind(self.problem.pieces, data)
-        for name, shape in term.shapes.items():
-            found = np.shape(values[name])
-            if found != (count, *shape):
-                raise ValueError(f"{type(term).__name__}.{name}: shape {found}; allowed: {(count, *shape)}")
-            if not np.all(np.isfinite(values[name])):
-                raise ValueError(f"{type(term).__name__}.{name} is not finite")
-        return stack_parameters(term, values)
+        numbers = bound_numbers(term, self.problem.pieces, count, data)
+        return stack_parameters(term.shapes, numbers, count)
 
     def vector(
         self,
         start: Array,
         objectives: Sequence[Array],
         penalties: Sequence[tuple[float, float]],
-        tightening: float,
+        tightening: ArrayLike,
         limits: Sequence[Array] = (),
     ) -> Array:
-        """The parameter vector, for these (ϖ, w_p) of each penalty."""
+        """The parameter vector, for these (ϖ, w_p) of each penalty and a tightening of each constraint, or of all."""
+        inside = np.broadcast_to(tightening, len(self.problem.constraints))[len(self.problem.hard) :]
         parts = [start.ravel(), *(values.T.ravel() for values in (*objectives, *limits))]
-        parts += [np.array([width, weight, tightening]) for width, weight in penalties]
+        parts += [np.array([*pair, one]) for pair, one in zip(penalties, inside, strict=True)]
         return np.concatenate(parts)

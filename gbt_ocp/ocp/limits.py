@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Literal
 import casadi as ca
 import numpy as np
 
+from gbt_ocp.models.sizes import positive, vector
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.typing import Array
@@ -36,6 +37,8 @@ class ThrustLimit:
     ValueError
         If γ lies outside (0, 1] or the units are unknown.
     """
+
+    name: ClassVar[str] = "thrust"
 
     vehicle: Vehicle
     gamma: float = 1.0
@@ -81,10 +84,17 @@ class KeepOut:
     Parameters
     ----------
     centre
-        ``(d,)`` in metres.
+        ``(d,)`` in metres; two numbers for a vehicle in space make an upright cylinder.
     radius
         In metres; violations are reported in units of it.
+
+    Raises
+    ------
+    ValueError
+        If the centre is not two or three finite numbers, or the radius is not above 0.
     """
+
+    name: ClassVar[str] = "keep_out"
 
     centre: tuple[float, ...]
     radius: float
@@ -94,6 +104,10 @@ class KeepOut:
     backoff: ClassVar[Array] = np.zeros(1)
     # the squared distance changes twice as fast as the distance at the boundary
     scale: ClassVar[Array] = np.full(1, 2.0)
+
+    def __post_init__(self) -> None:
+        vector("centre", self.centre, 3 if len(self.centre) == 3 else 2)
+        positive("radius", self.radius)
 
     def value(self, point: FlatPoint) -> Any:
         """Squared distance over squared radius: smooth everywhere, unlike the distance."""
@@ -117,8 +131,10 @@ class KeepOutPolygon:
     Raises
     ------
     ValueError
-        If there are fewer than three corners or the polygon is not strictly convex.
+        If there are fewer than three corners, the polygon is not strictly convex, or the softness is not above 0.
     """
+
+    name: ClassVar[str] = "keep_out"
 
     corners: tuple[tuple[float, float], ...]
     softness: float = 0.1
@@ -129,8 +145,11 @@ class KeepOutPolygon:
     scale: ClassVar[Array] = np.ones(1)
 
     def __post_init__(self) -> None:
+        positive("softness", self.softness)
         if len(self.corners) < 3:
             raise ValueError(f"corners: found {len(self.corners)}; allowed: at least 3")
+        for corner in self.corners:
+            vector("corners", corner, 2)
         turns = self._turns()
         if not (np.all(turns > 0.0) or np.all(turns < 0.0)) or abs(self._windings() - 1.0) > 1e-6:
             raise ValueError("corners: found a polygon that is not convex; allowed: a convex one, or several of them")
@@ -178,8 +197,10 @@ class DepthLimits:
     Raises
     ------
     ValueError
-        If there is no water between them.
+        If ``lowest`` is not below ``highest``.
     """
+
+    name: ClassVar[str] = "depth"
 
     lowest: float
     highest: float
@@ -216,7 +237,14 @@ class SpeedLimit:
         d.
     speed
         In m/s; violations are reported in units of it.
+
+    Raises
+    ------
+    ValueError
+        If the speed is not above 0.
     """
+
+    name: ClassVar[str] = "speed"
 
     dimension: int
     speed: float
@@ -226,6 +254,9 @@ class SpeedLimit:
     backoff: ClassVar[Array] = np.zeros(1)
     # the squared speed changes twice as fast as the speed at the boundary
     scale: ClassVar[Array] = np.full(1, 2.0)
+
+    def __post_init__(self) -> None:
+        positive("speed", self.speed)
 
     def value(self, point: FlatPoint) -> Any:
         """Squared speed over its squared limit: smooth at rest."""
@@ -242,7 +273,14 @@ class YawRateLimit:
         d.
     rate
         In rad/s; violations are reported in units of it.
+
+    Raises
+    ------
+    ValueError
+        If the rate is not above 0.
     """
+
+    name: ClassVar[str] = "yaw_rate"
 
     dimension: int
     rate: float
@@ -251,6 +289,9 @@ class YawRateLimit:
     upper: ClassVar[Array] = np.ones(1)
     backoff: ClassVar[Array] = np.zeros(1)
     scale: ClassVar[Array] = np.ones(1)
+
+    def __post_init__(self) -> None:
+        positive("rate", self.rate)
 
     def value(self, point: FlatPoint) -> Any:
         """The yaw rate over its limit."""

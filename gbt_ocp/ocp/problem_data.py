@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Self
+from dataclasses import dataclass, field
 
+from gbt_ocp.models.sizes import at_least, positive
 from gbt_ocp.models.vehicles import Vehicle
-from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective
+from gbt_ocp.ocp.terms import Constraint, JointObjective, Objective, is_believed
 
 
 @dataclass(frozen=True)
@@ -53,13 +52,11 @@ class ProblemData:
     penalties: tuple[PenaltyLimit, ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
-        for name, value, least in (("pieces", self.pieces, 1), ("degree", self.degree, 2)):
-            if value < least:
-                raise ValueError(f"{name} must be at least {least}, found {value}")
-        if self.continuity is not None and not 1 <= self.continuity < self.degree:
-            raise ValueError(f"continuity must be from 1 to degree - 1 = {self.degree - 1}, found {self.continuity}")
-        if not self.period > 0.0:
-            raise ValueError(f"period must be positive, found {self.period}")
+        at_least("pieces", self.pieces, 1)
+        at_least("degree", self.degree, 2)
+        if self.continuity is not None and at_least("continuity", self.continuity, 1) >= self.degree:
+            raise ValueError(f"continuity: found {self.continuity}; allowed: at most degree - 1 = {self.degree - 1}")
+        positive("period", self.period)
 
     @property
     def joined(self) -> int:
@@ -83,42 +80,5 @@ class ProblemData:
         Not so a penalty on what is only believed: a forecast may jump so that no plan keeps a distance from it, and
         then the plan that does its best is better than none.
         """
-        soft = (not isinstance(limit.constraint, MovingConstraint) for limit in self.penalties)
+        soft = (not is_believed(limit.constraint) for limit in self.penalties)
         return (*(True for _ in self.hard), *soft)
-
-    @property
-    def relaxed(self) -> Self | None:
-        """The same problem with hard limits on what is only believed as penalties; ``None`` if there are none.
-
-        A forecast may jump so that no plan keeps a distance from it. This problem still has a plan: the one that gets
-        nearest to keeping it. Its :attr:`constraints` are those of the problem in the order of
-        :attr:`relaxed_order`.
-        """
-        believed = [limit for limit in self.hard if isinstance(limit.constraint, MovingConstraint)]
-        if not believed:
-            return None
-        kept = tuple(limit for limit in self.hard if not isinstance(limit.constraint, MovingConstraint))
-        softened = tuple(PenaltyLimit(limit.constraint, limit.nodes, 100.0, 0.01) for limit in believed)
-        return replace(self, hard=kept, penalties=(*self.penalties, *softened))
-
-    def limited_to(self, keep: Callable[[Constraint], bool]) -> Self:
-        """The same problem with those of its limits whose constraints are to be kept, hard and penalised."""
-        return replace(
-            self,
-            hard=tuple(limit for limit in self.hard if keep(limit.constraint)),
-            penalties=tuple(limit for limit in self.penalties if keep(limit.constraint)),
-        )
-
-    @property
-    def certain(self) -> Self:
-        """The same problem without the limits on what is only believed."""
-        return self.limited_to(lambda constraint: not isinstance(constraint, MovingConstraint))
-
-    @property
-    def relaxed_order(self) -> tuple[int, ...]:
-        """Where each constraint of :attr:`relaxed` stands among :attr:`constraints`."""
-        moving = [isinstance(limit.constraint, MovingConstraint) for limit in self.hard]
-        kept = [number for number, moves in enumerate(moving) if not moves]
-        softened = [number for number, moves in enumerate(moving) if moves]
-        soft = [len(self.hard) + number for number in range(len(self.penalties))]
-        return (*kept, *soft, *softened)

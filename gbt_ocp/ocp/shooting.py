@@ -24,6 +24,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.sizes import at_least
 from gbt_ocp.models.vehicles import acceleration
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.limits import ThrustLimit
@@ -88,8 +89,7 @@ class ShootingPlanner:
         if others or not limits:
             found = ", ".join(others) or "none"
             raise ValueError(f"multiple shooting takes thrust limits as its only constraints; found: {found}")
-        if substeps < 1:
-            raise ValueError(f"substeps must be at least 1, found {substeps}")
+        at_least("substeps", substeps, 1)
         self.problem = problem
         self.gamma = min(limit.gamma for limit in limits)
         n = problem.vehicle.flat_dimension

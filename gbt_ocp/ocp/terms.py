@@ -1,8 +1,8 @@
-"""Objectives of the trajectory problem: sums over the endpoints of the pieces, to be maximised.
+"""What a problem is made of: objectives, to be maximised, and constraints, to be kept.
 
-An objective says what it needs for one endpoint (:attr:`shapes`), how it is computed there from CasADi symbols
-(:meth:`value`), and how those numbers come out of what the caller hands to a solve (:meth:`bind`). Nothing here knows
-where a forecast comes from.
+A term says what numbers it needs at one time (``shapes``; ``{}`` for none), how it is computed there from CasADi
+symbols (``value``), and how those numbers come out of the data of a solve (``bind``). Nothing here knows where a
+forecast comes from. :mod:`gbt_ocp.ocp.term_checks` evaluates each term once when it is added to a problem.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Objective(Protocol):
 
     @property
     def shapes(self) -> Mapping[str, tuple[int, int]]:
-        """Parameters of one endpoint: name to matrix shape."""
+        """Parameters of one endpoint: name to matrix shape; ``{}`` where none are needed."""
 
     def value(self, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
         """The term at one endpoint, a CasADi scalar."""
@@ -83,17 +83,21 @@ class FromMoments(Protocol):
         """
 
 
+class MissingDataError(ValueError):
+    """A term needs something that a solve was not given."""
+
+
 def needed(data: Mapping[str, Any], name: str, reader: object) -> Any:
     """The entry ``name`` of the data of a solve, or a clear error.
 
     Raises
     ------
-    ValueError
+    MissingDataError
         If the entry is missing.
     """
     if data.get(name) is None:
         given = sorted(key for key, value in data.items() if value is not None)
-        raise ValueError(f"{type(reader).__name__} needs '{name}'; given: {', '.join(given) or 'nothing'}")
+        raise MissingDataError(f"{type(reader).__name__} needs '{name}'; given: {', '.join(given) or 'nothing'}")
     return data[name]
 
 
@@ -166,9 +170,22 @@ class LimitFromMoments(Protocol):
     def shapes(self) -> Mapping[str, tuple[int, int]]:
         """Parameters at one time: name to matrix shape."""
 
-    def at_knot(self, mean: Any, covariance: Any) -> Mapping[str, Any]:
-        """CasADi expressions of the parameters, from μ ``(d,)`` and Σ ``(d, d)``."""
+    def at_knot(self, mean: Any, covariance: Any, present: Any) -> Mapping[str, Any]:
+        """CasADi expressions of the parameters.
+
+        Parameters
+        ----------
+        mean, covariance
+            μ ``(d,)`` and Σ ``(d, d)`` at the knot.
+        present
+            Σ ``(d, d)`` at the beginning of the plan.
+        """
 
 
 Constraint = PathConstraint | MovingConstraint
 """Whatever a problem can be subject to."""
+
+
+def is_believed(constraint: Constraint) -> bool:
+    """Whether numbers that change from solve to solve enter a constraint, such as those of a forecast."""
+    return isinstance(constraint, MovingConstraint) and bool(constraint.shapes)

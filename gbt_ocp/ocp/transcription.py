@@ -14,7 +14,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
+from gbt_ocp.ocp.limit_classes import LIMIT_WEIGHT, LimitClass, hard_weights, limit_class
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective
 from gbt_ocp.ocp.trajectory import FlatPoint, propagate
@@ -32,21 +34,30 @@ def point_symbols(size: int) -> FlatPoint:
     return FlatPoint(*(ca.SX.sym(name, size) for name in ("z", "dz", "ddz")))
 
 
+def stacked_size(shapes: Mapping[str, tuple[int, int]]) -> int:
+    """How many numbers parameters of these shapes are at one time."""
+    return sum(height * width for height, width in shapes.values())
+
+
+def unstacked(shapes: Mapping[str, tuple[int, int]], stacked: Any) -> dict[str, Any]:
+    """Parameters by name, as CasADi expressions, out of what :func:`stack_parameters` stacked at one time."""
+    found, offset = {}, 0
+    for name, (height, width) in shapes.items():
+        found[name] = ca.reshape(stacked[offset : offset + height * width], height, width)
+        offset += height * width
+    return found
+
+
 def limit_size(constraint: Constraint) -> int:
     """How many parameters a constraint has at one time."""
-    shapes = constraint.shapes if isinstance(constraint, MovingConstraint) else {}
-    return sum(rows * columns for rows, columns in shapes.values())
+    return stacked_size(constraint.shapes) if isinstance(constraint, MovingConstraint) else 0
 
 
 def constraint_value(constraint: Constraint, point: FlatPoint, stacked: Any) -> Any:
     """The bounded quantities ``(m,)`` as a CasADi expression, parameters (if any) stacked column by column."""
     if not isinstance(constraint, MovingConstraint):
         return constraint.value(point)
-    parameters, offset = {}, 0
-    for name, (rows, columns) in constraint.shapes.items():
-        parameters[name] = ca.reshape(stacked[offset : offset + rows * columns], rows, columns)
-        offset += rows * columns
-    return constraint.value(point, parameters)
+    return constraint.value(point, unstacked(constraint.shapes, stacked))
 
 
 def constraint_function(problem: ProblemData, constraint: Constraint) -> ca.Function:
@@ -71,20 +82,9 @@ def between_knots(knots: Any, shares: Array) -> list[Any]:
 def objective_function(problem: ProblemData, objective: Objective) -> ca.Function:
     """(z, ż, z̈, parameters) -> the term at one endpoint; the parameters are stacked column by column."""
     point = point_symbols(problem.vehicle.flat_dimension)
-    parameters = {name: ca.SX.sym(name, *shape) for name, shape in objective.shapes.items()}
-    stacked = ca.vertcat(*(ca.vec(symbol) for symbol in parameters.values()))
-    return ca.Function(
-        "objective", [*point, stacked], [objective.value(point, parameters)], ["z", "dz", "ddz", "p"], ["value"]
-    )
-
-
-def unstacked(shapes: Mapping[str, tuple[int, int]], stacked: Any) -> dict[str, Any]:
-    """Parameters by name out of what :func:`stack_parameters` stacked at one time, as CasADi expressions."""
-    found, offset = {}, 0
-    for name, (height, width) in shapes.items():
-        found[name] = ca.reshape(stacked[offset : offset + height * width], height, width)
-        offset += height * width
-    return found
+    stacked = ca.SX.sym("p", stacked_size(objective.shapes))
+    value = objective.value(point, unstacked(objective.shapes, stacked))
+    return ca.Function("objective", [*point, stacked], [value], ["z", "dz", "ddz", "p"], ["value"])
 
 
 def objective_total(problem: ProblemData, objective: Objective | JointObjective) -> ca.Function:
@@ -94,7 +94,7 @@ def objective_total(problem: ProblemData, objective: Objective | JointObjective)
         columns = [ca.MX.sym(single.name_in(k), *single.size_in(k)) for k in range(4)]
         return ca.Function("objective", columns, [ca.sum2(single(*columns))])
     n, p = problem.vehicle.flat_dimension, problem.pieces
-    size = sum(height * width for height, width in objective.shapes.values())
+    size = stacked_size(objective.shapes)
     ends = [ca.SX.sym(name, n, p) for name in ("z", "dz", "ddz")]
     stacked = ca.SX.sym("p", size, p)
     points, parameters = [], []
@@ -122,7 +122,8 @@ class Transcription:
 
     ``variables`` is u, piece by piece ``(freedoms p,)``; ``parameters`` stacks the start, the parameters of the
     objectives and of the constraints, and (ϖ, w_p, tightening) of each penalty. The penalty is ``Σ cost g(excess)``
-    with g of half width ``width``.
+    with g of half width ``width``. ``weight`` is the price of a violation of one unit of each limit that may give for
+    others, infinite of those that may not; ``rows`` says how many rows of ``limits`` each hard limit has.
     """
 
     variables: ca.MX
@@ -136,11 +137,48 @@ class Transcription:
     lower: Array
     upper: Array
     scale: Array
+    weight: Array
+    rows: tuple[int, ...]
+
+    def inward(self, tightening: ArrayLike) -> Array:
+        """By how much a tightening moves the bound of each row of ``limits``.
+
+        ``tightening`` is one number a constraint, hard ones first, or one for all, in units of the limits.
+        """
+        each = np.asarray(tightening, dtype=float)
+        per_limit = each[: len(self.rows)] if each.ndim else np.full(len(self.rows), float(each))
+        return np.asarray(np.repeat(per_limit, self.rows) * self.scale)
+
+    @property
+    def giving(self) -> list[int]:
+        """Rows of ``limits`` that may give for others."""
+        return np.flatnonzero(np.isfinite(self.weight)).tolist()
 
     @property
     def nlp(self) -> dict[str, ca.MX]:
-        """The program in CasADi's form."""
-        return {"x": self.variables, "p": self.parameters, "f": -self.objective + self.penalty, "g": self.limits}
+        """The program in CasADi's form.
+
+        Limits that may give for others have slacks ``l >= 0`` as further unknowns, the last ones, at an exact l1 price:
+        ``limits - l <= upper`` in their place among the limits, ``limits + l >= lower`` after everything else.
+        """
+        plain = {"x": self.variables, "p": self.parameters, "f": -self.objective + self.penalty, "g": self.limits}
+        return self._with_slacks(plain)
+
+    def _with_slacks(self, nlp: dict[str, ca.MX]) -> dict[str, ca.MX]:
+        rows = self.giving
+        if not rows:
+            return nlp
+        slack = ca.MX.sym("l", len(rows))
+        scaled = ca.DM(self.scale[rows]) * slack
+        full = ca.MX.zeros(self.limits.numel())
+        full[rows] = scaled
+        rest = nlp["g"][self.limits.numel() :]
+        return {
+            "x": ca.vertcat(nlp["x"], slack),
+            "p": nlp["p"],
+            "f": nlp["f"] + ca.dot(ca.DM(self.weight[rows]), slack),
+            "g": ca.vertcat(self.limits - full, rest, self.limits[rows] + scaled),
+        }
 
     @property
     def elastic_nlp(self) -> dict[str, ca.MX]:
@@ -152,12 +190,13 @@ class Transcription:
         """
         size = self.excess.numel()
         s, e = ca.MX.sym("s", size), ca.MX.sym("e", size)
-        return {
+        elastic = {
             "x": ca.vertcat(self.variables, s, e),
             "p": self.parameters,
             "f": -self.objective + ca.dot(self.cost, s + e**2 / (4.0 * self.width)),
             "g": ca.vertcat(self.limits, s + e - self.excess - self.width),
         }
+        return self._with_slacks(elastic)
 
 
 def transcribe(problem: ProblemData) -> Transcription:
@@ -192,7 +231,7 @@ def transcribe(problem: ProblemData) -> Transcription:
     for number, soft in enumerate(problem.penalties, start=len(problem.hard)):
         settings = ca.MX.sym("penalty", 3)
         parameters.append(settings)
-        width, weight, tightening = ca.vertsplit(settings)
+        width, w_p, tightening = ca.vertsplit(settings)
         c = soft.constraint
         function = constraint_function(problem, c)
         shares = np.linspace(0.0, 1.0, soft.nodes + 1)
@@ -208,12 +247,12 @@ def transcribe(problem: ProblemData) -> Transcription:
                 excess = sign * (values[rows, :] - ca.repmat(ca.DM(bound[rows]), 1, values.size2()))
                 excess += ca.repmat(inside[rows], 1, values.size2())
                 excesses.append(ca.vec(excess))
-                costs.append(weight * ca.vec(ca.repmat(weights.T, len(rows), 1)))
+                costs.append(w_p * ca.vec(ca.repmat(weights.T, len(rows), 1)))
                 widths.append(ca.repmat(width, excess.numel(), 1))
     excess, cost, width = (ca.vertcat(*parts) if parts else ca.MX(0, 1) for parts in (excesses, costs, widths))
 
-    limits, lower, upper, scale = [], [], [], []
-    for number, limit in enumerate(problem.hard):
+    limits, lower, upper, scale, weight = [], [], [], [], []
+    for number, (limit, price) in enumerate(zip(problem.hard, hard_weights(problem), strict=True)):
         c = limit.constraint
         shares = np.linspace(0.0, 1.0, limit.nodes + 1)[first_free_node(problem, c) :]
         function = constraint_function(problem, c)
@@ -222,6 +261,8 @@ def transcribe(problem: ProblemData) -> Transcription:
         lower.append(np.tile(c.lower + c.backoff, p * len(shares)))
         upper.append(np.tile(c.upper - c.backoff, p * len(shares)))
         scale.append(np.tile(c.scale, p * len(shares)))
+        thrust = limit_class(problem, c) == LimitClass.THRUST
+        weight.append(np.full(len(scale[-1]), np.inf if thrust else LIMIT_WEIGHT * price))
     empty = [np.zeros(0)]
     return Transcription(
         variables,
@@ -235,6 +276,8 @@ def transcribe(problem: ProblemData) -> Transcription:
         np.concatenate(lower or empty),
         np.concatenate(upper or empty),
         np.concatenate(scale or empty),
+        np.concatenate(weight or empty),
+        tuple(len(part) for part in scale),
     )
 
 

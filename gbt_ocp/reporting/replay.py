@@ -12,6 +12,7 @@ from matplotlib.patches import Ellipse
 
 from gbt_ocp.reporting import style
 from gbt_ocp.reporting.tables import Table
+from gbt_ocp.simulation.calibration import region_radius
 from gbt_ocp.simulation.replay import BearingLog, ReplayedTrack
 
 _LOOKS = ((style.BLUE, "-"), (style.VERMILLION, "--"), (style.GREEN, "-."), (style.PURPLE, ":"), (style.ORANGE, "-"))
@@ -19,15 +20,12 @@ _LOOKS = ((style.BLUE, "-"), (style.VERMILLION, "--"), (style.GREEN, "-."), (sty
 ELLIPSES = 6
 """Ellipses drawn along the track of the first tracker."""
 
-CHI2_95 = 5.991
-"""95 % quantile with two degrees of freedom."""
-
-SETTLING = 0.1
-"""Share of the log at its start that does not choose the limits of a map: nothing is known there yet."""
+UNSETTLED = 0.1
+"""Share of the log at its start that does not set the limits of a map, since nothing is known there yet."""
 
 
 def score_table(summary: Mapping[str, Any]) -> Table:
-    """The scores of all trackers; without a truth in the log, what is known of each all the same."""
+    """The scores of all trackers. Without a truth in the log, those that need none."""
     scored = any("error_median" in found for found in summary["trackers"].values())
     columns = ["tracker", "range std / range %", "observable %", "residual std deg", "ms a bearing"]
     if scored:
@@ -71,9 +69,9 @@ def draw_replay(log: BearingLog, tracks: Sequence[ReplayedTrack], score_from: fl
     log
         The log.
     tracks
-        What trackers made of it; the first is drawn with its uncertainty.
+        The tracks; the first is drawn with its uncertainty.
     score_from
-        Time in seconds after the first bearing from which the ranges choose the limits of their axis.
+        Time in seconds after the first bearing from which the ranges set the limits of their axis.
     """
     with style.styled():
         return {
@@ -89,11 +87,11 @@ def _track(log: BearingLog, tracks: Sequence[ReplayedTrack]) -> Figure:
     axes.plot(*log.own[:, :2].T, color=style.GREY, label="own vehicle")
     if log.truth is not None:
         axes.plot(*log.truth[:, :2].T, color=style.BLACK, linewidth=1.8, label="target")
-    begin = int(SETTLING * len(log.times))
+    begin = int(UNSETTLED * len(log.times))
     points = [log.own[:, :2]] + ([log.truth[:, :2]] if log.truth is not None else [])
     for track, (colour, line) in zip(tracks, _LOOKS, strict=False):
         axes.plot(*track.mean[begin:, :2].T, color=colour, linestyle=line, linewidth=1.0, label=track.name)
-        if track is tracks[0]:  # a baseline that leaves does not squeeze the others to a dot
+        if track is tracks[0]:  # a baseline that diverges does not shrink the others to a dot
             points.append(track.mean[begin:, :2])
     first = tracks[0]
     for k in np.linspace(begin, len(log.times) - 1, ELLIPSES).astype(int):
@@ -115,7 +113,7 @@ def _ellipse(axes: Axes, track: ReplayedTrack, k: int, colour: str) -> None:
     if not np.all(np.isfinite(covariance)):
         return
     values, vectors = np.linalg.eigh(covariance)
-    width, height = 2.0 * np.sqrt(CHI2_95 * np.maximum(values[::-1], 0.0))
+    width, height = 2.0 * region_radius(2) * np.sqrt(np.maximum(values[::-1], 0.0))
     angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
     axes.add_patch(Ellipse(tuple(track.mean[k, :2]), width, height, angle=angle, fill=False, color=colour, alpha=0.6))
 

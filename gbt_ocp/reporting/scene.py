@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.special import chdtri
 
+from gbt_ocp.reporting.drawable import drawable_history
 from gbt_ocp.simulation import run_folder
+from gbt_ocp.simulation.calibration import region_radius
 from gbt_ocp.simulation.history import History
 from gbt_ocp.typing import Array
-
-CONFIDENCE = 0.95
-"""Probability of the regions drawn around forecast positions."""
 
 FEWEST_FRAMES_A_SECOND, MOST_FRAMES_A_SECOND = 10.0, 25.0
 
@@ -46,7 +44,7 @@ class Scene:
             If one is damaged.
         """
         folder = Path(run_dir)
-        history = History.load_npz(folder / run_folder.HISTORY)
+        history = drawable_history(folder)
         _, configuration = run_folder.read_configuration(folder)
         seed = run_folder.read_summary(folder).get("seed")
         return cls(f"{configuration.get('name', 'run')}, seed {seed}", history)
@@ -98,11 +96,6 @@ class Scene:
         return 1.3 * max(1e-3, *(float(np.quantile(size, 0.9)) for size in sizes if size.size))
 
 
-def confidence_radius(dimension: int) -> float:
-    """Mahalanobis radius inside which a normal variable of this dimension lies with probability `CONFIDENCE`."""
-    return float(np.sqrt(chdtri(dimension, 1.0 - CONFIDENCE)))
-
-
 def outline(covariance: Array, axes: tuple[int, int], corners: int = 49) -> Array:
     """Outline around zero of the 95 % region, seen along the axes left out.
 
@@ -126,4 +119,4 @@ def outline(covariance: Array, axes: tuple[int, int], corners: int = 49) -> Arra
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     angle = np.linspace(0.0, 2.0 * np.pi, corners)
     circle = np.stack([np.cos(angle), np.sin(angle)])
-    return np.asarray(confidence_radius(len(covariance)) * (root @ circle).T)
+    return np.asarray(region_radius(len(covariance)) * (root @ circle).T)

@@ -4,153 +4,250 @@ from __future__ import annotations
 
 import os
 import zipfile
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.files import read_arrays
-from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, relative_range_std
+from gbt_ocp.models.bearings import condition_number, cumulative_bearing_matrix
+from gbt_ocp.ocp.plan import ANSWERED, Plan, ShootingPlan
+from gbt_ocp.simulation.columns import SAME_LENGTH, UNKNOWN, column, columns, recorded
+from gbt_ocp.simulation.step import Step
+from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, GaussianProcess, relative_range_std
 from gbt_ocp.typing import Array
 
-if TYPE_CHECKING:
-    pass
 
-WALL_CLOCK = ("solver_time", "tracker_time")
-"""The arrays of a history that are measured by a clock: all the others repeat bit by bit for the same seed."""
-
-# Shape of each array: K steps, d space dimensions, z flat outputs, a thrust axes, n forecast times, p pieces.
-_LAYOUT = {
-    "t": "K",
-    "vehicle_pose": "Kz",
-    "vehicle_velocity": "Kz",
-    "thrust": "Ka",
-    "piece_thrust_peak": "Ka",
-    "target": "Kd",
-    "bearing": "Kd",
-    "desired_bearing": "Kd",
-    "detected": "K",
-    "forecast_mean": "Knd",
-    "forecast_cov": "Kndd",
-    "error": "Kn",
-    "bound": "Kn",
-    "length_scale": "K",
-    "amplitude": "K",
-    "nugget": "K",
-    "prior_cov": "Kdd",
-    "condition_number": "K",
-    "objective": "K",
-    "violation": "K",
-    "solver_status": "K",
-    "solver_iterations": "K",
-    "solver_time": "K",
-    "tracker_time": "K",
-    "fallback": "K",
-    "plan": "Kpz",
-}
-TEXT = {"solver_status", "fallback"}
+def _planned(read: Callable[[Plan | ShootingPlan], Any], otherwise: Any = np.nan) -> Callable[[Step], Any]:
+    """Read something of the plan; ``otherwise`` where nothing was planned."""
+    return lambda step: otherwise if step.plan is None else read(step.plan)
 
 
-@dataclass(frozen=True, eq=False)
+def _tuned(read: Callable[[GaussianProcess], float]) -> Callable[[Step], Any]:
+    """Read something of a tracker that has hyperparameters; NaN from any other."""
+    return lambda step: np.nan if step.process is None else read(step.process)
+
+
+def _prior_covariance(step: Step) -> Array:
+    d = step.target.shape[1]
+    return np.full((d, d), np.nan) if step.process is None else step.process.prior_covariance
+
+
+def _bound(step: Step) -> Array:
+    if step.process is None:
+        return np.full(len(step.times), np.nan)
+    return step.process.bound(step.times, step.bound_delta)
+
+
+def _bearing(step: Step) -> Array:
+    return np.full(step.target.shape[1], np.nan) if step.bearing is None else step.bearing
+
+
+def _condition(step: Step) -> float:
+    return condition_number(cumulative_bearing_matrix(step.window)) if step.window else np.inf
+
+
+def _planned_poses(step: Step) -> ArrayLike:
+    """The ends of the pieces as poses: the flat output of a vehicle need not be one."""
+    if step.plan is None:
+        return np.zeros((0, step.vehicle.position_dimension + 1))
+    return [step.vehicle.pose(step.vehicle.state(end[0], end[1])) for end in step.plan.knots[1:]]
+
+
+def _all(values: Array) -> Array:
+    return values
+
+
+def _now(ahead: Array) -> Array:
+    return np.asarray(ahead[:, 0])
+
+
+def _mean_ahead(ahead: Array) -> Array:
+    return np.asarray(ahead.mean(axis=1))
+
+
+def _std_now(covariance: Array) -> Array:
+    return np.asarray(np.sqrt(np.maximum(np.diagonal(covariance[:, 0], axis1=1, axis2=2), 0.0)))
+
+
+@recorded
 class History:
     """Everything recorded at t_k = 0, T, … up to the duration: K samples, arrays time first, SI units, radians.
 
-    Attributes
-    ----------
-    t
-        Times t_k, ``(K,)``, s.
-    vehicle_pose
-        Position P_A and yaw ψ, earth frame, ``(K, d+1)``; m and rad.
-    vehicle_velocity
-        Body-frame ν: surge, sway, (heave,) yaw rate, ``(K, d+1)``; m/s and rad/s.
-    thrust
-        Body-frame τ at t_k, the start of the executed piece, ``(K, d+1)``; N, and N m for yaw.
-    piece_thrust_peak
-        Largest |τ|/τ_max of each axis on the fine grid of the piece executed from step k, ``(K, d+1)``. NaN in the
-        last row when no piece is executed from there.
-    target
-        True position P_T, ``(K, d)``, m.
-    bearing, detected
-        Measured bearing λ ``(K, d)`` (NaN when missed) and whether there was one, ``(K,)`` bool.
-    desired_bearing
-        Desired bearing at t_k, ``(K, d)``.
-    forecast_mean, forecast_cov
-        Posterior mean μ_k and covariance Σ_k at T_k = {t_k, …, t_{k+n}}, ``(K, n+1, d)`` m, ``(K, n+1, d, d)`` m².
-    error, bound
-        ‖μ_k(t) - P_T(t)‖ at T_k and the theorem's bound on it, ``(K, n+1)``, m.
-    length_scale, amplitude, nugget
-        Hyperparameters of the tracker, ``(K,)``; s, m, and a variance relative to the kernel's. NaN if it has none.
-    prior_cov
-        Prior covariance of the target's coordinates under the hyperparameters, ``(K, d, d)``, m²; off the diagonal
-        the R_xy, R_xz, R_yz of the linear model of coregionalization. NaN likewise.
-    condition_number
-        Of the cumulative bearing matrix of the window, ``(K,)``; infinite while it is singular.
-    objective, violation
-        Of the plan: value of the objective, and largest |τ|/τ_max - 1 (at least 0) on its fine grid, ``(K,)``.
-    solver_status
-        "solved", the solver's own word otherwise, "" where nothing was solved; ``(K,)`` text.
-    solver_iterations, solver_time, tracker_time
-        ``(K,)``; count, s, s. Without a solver 0 iterations and NaN time.
-    fallback
-        Answer to a failed solve: "" | "shifted" | "cold" | "relaxed" | "braking"; ``(K,)`` text.
-    plan
-        Endpoints of the planned pieces, ``(K, p, d+1)``; p may be 0.
+    Arrays are converted to contiguous float64, int64, bool or unicode, so equal histories are saved as equal bytes.
+    Each is declared once, in the order of the file. One more declaration, here or in a subclass that
+    :func:`~gbt_ocp.simulation.loop.simulate` is given, records one more array.
 
     Raises
     ------
     ValueError
-        If arrays disagree about K, d, n, the number of axes or of outputs.
-
-    Notes
-    -----
-    Arrays are converted to contiguous float64, int64, bool or unicode, so equal histories are saved as equal bytes.
+        If arrays disagree about K, d, n, the number of inputs or of outputs, or times do not increase.
     """
 
-    t: Array
-    vehicle_pose: Array
-    vehicle_velocity: Array
-    thrust: Array
-    target: Array
-    bearing: Array
-    detected: NDArray[np.bool_]
-    forecast_mean: Array
-    forecast_cov: Array
-    error: Array
-    length_scale: Array
-    amplitude: Array
-    condition_number: Array
-    bound: Array
-    objective: Array
-    violation: Array
-    solver_status: NDArray[np.str_]
-    solver_iterations: NDArray[np.int64]
-    solver_time: Array
-    plan: Array
-    tracker_time: Array
-    nugget: Array
-    fallback: NDArray[np.str_]
-    desired_bearing: Array
-    piece_thrust_peak: Array
-    prior_cov: Array
+    t: Array = column("t", lambda step: step.time, "s", meaning="Times t_k")
+    vehicle_pose: Array = column(
+        "t pose",
+        lambda step: step.vehicle.pose(step.state),
+        "m; yaw rad",
+        table={"vehicle": _all},
+        meaning="Position P_A and yaw ψ, earth frame",
+    )
+    vehicle_velocity: Array = column(
+        "t body",
+        lambda step: step.vehicle.velocity(step.state),
+        "m/s; yaw rate rad/s",
+        table={"velocity": _all},
+        meaning="Body-frame ν: surge, sway, (heave,) yaw rate",
+    )
+    thrust: Array = column(
+        "t input",
+        lambda step: step.move.thrust,
+        "N; yaw moment N m",
+        meaning="Body-frame τ at t_k, the start of the executed piece",
+    )
+    target: Array = column("t axis", lambda step: step.target[0], "m", meaning="True position P_T")
+    bearing: Array = column("t axis", _bearing, meaning="Measured bearing λ, NaN where it was missed")
+    detected: NDArray[np.bool_] = column(
+        "t",
+        lambda step: step.bearing is not None,
+        kind=bool,
+        meaning="Whether a bearing was measured",
+    )
+    forecast_mean: Array = column(
+        "t ahead axis",
+        lambda step: step.forecast.mean,
+        "m",
+        table={"estimate": _now},
+        meaning="Posterior mean μ_k at T_k = {t_k, …, t_{k+n}}",
+    )
+    forecast_cov: Array = column(
+        "t ahead axis axis_",
+        lambda step: step.forecast.covariance,
+        "m2",
+        table={"estimate_std": _std_now},
+        meaning="Posterior covariance Σ_k at T_k",
+    )
+    error: Array = column(
+        "t ahead",
+        lambda step: step.error,
+        "m",
+        table={"error": _now, "error_mean": _mean_ahead},
+        meaning="Tracking error ‖μ_k(t) - P_T(t)‖ at T_k",
+    )
+    length_scale: Array = column(
+        "t",
+        _tuned(lambda process: process.hyperparameters.length_scale),
+        "s",
+        meaning="Length scale of the tracker, NaN if it has none",
+    )
+    amplitude: Array = column(
+        "t",
+        _tuned(lambda process: process.hyperparameters.amplitude),
+        "m",
+        meaning="Amplitude of the tracker, NaN if it has none",
+    )
+    condition_number: Array = column(
+        "t",
+        _condition,
+        meaning="Condition number of the cumulative bearing matrix of the window, infinite while it is singular",
+    )
+    bound: Array = column(
+        "t ahead",
+        _bound,
+        "m",
+        table={"bound_mean": _mean_ahead},
+        meaning="The theorem's bound on the error at T_k, NaN if the tracker has none",
+    )
+    objective: Array = column("t", _planned(lambda plan: plan.objective), meaning="Objective of the plan")
+    violation: Array = column(
+        "t",
+        _planned(lambda plan: plan.violation),
+        "of the limit",
+        meaning="Largest |τ|/τ_max - 1 of the plan, at least 0, on its fine grid",
+    )
+    solver_status: NDArray[np.str_] = column(
+        "t",
+        _planned(lambda plan: plan.status, ""),
+        kind=str,
+        meaning="``solved``, another word of the solver, or nothing where nothing was solved",
+    )
+    solver_iterations: NDArray[np.int64] = column(
+        "t",
+        _planned(lambda plan: plan.iterations, 0),
+        kind=int,
+        meaning="Iterations of the solver",
+    )
+    solver_time: Array = column(
+        "t",
+        _planned(lambda plan: plan.solve_time),
+        "s",
+        clock=True,
+        meaning="Time of the solver, NaN without one",
+    )
+    plan: Array = column("t piece pose", _planned_poses, "m; yaw rad", meaning="Ends of the planned pieces; p may be 0")
+    tracker_time: Array = column("t", lambda step: step.tracker_time, "s", clock=True, meaning="Time of the tracker")
+    nugget: Array = column(
+        "t",
+        _tuned(lambda process: process.hyperparameters.nugget),
+        "of the amplitude squared",
+        meaning="Nugget of the tracker, NaN if it has none",
+    )
+    fallback: NDArray[np.str_] = column(
+        "t",
+        _planned(lambda plan: plan.fallback, ""),
+        kind=str,
+        meaning="Answer to a failed solve: ``shifted``, ``cold``, ``unfinished``, ``braking``, or nothing",
+    )
+    desired_bearing: Array = column("t axis", lambda step: step.desired_bearing, meaning="Desired bearing λ* at t_k")
+    piece_thrust_peak: Array = column(
+        "t input",
+        lambda step: step.move.thrust_peak,
+        "of the limit",
+        table={"thrust_peak": _all},
+        meaning="Largest |τ|/τ_max on the fine grid of the piece executed from t_k, NaN where none is",
+    )
+    prior_cov: Array = column(
+        "t axis axis_",
+        _prior_covariance,
+        "m2",
+        meaning="Prior covariance of the target's coordinates under the hyperparameters, NaN if the tracker has "
+        "none; off the diagonal R_xy, R_xz, R_yz of the linear model of coregionalization",
+    )
+    off_plan: Array = column(
+        "t",
+        lambda step: step.move.off_plan,
+        "m",
+        optional=True,
+        meaning="Distance from the planned position at the end of the period that begins at t_k, NaN without a plan",
+    )
 
     def __post_init__(self) -> None:
-        sizes: dict[str, tuple[int, str]] = {}
-        for name, layout in _LAYOUT.items():
-            array = _canonical(name, getattr(self, name))
-            object.__setattr__(self, name, array)
-            if array.ndim != len(layout):
-                raise ValueError(f"history: {name} has shape {array.shape}; allowed: {len(layout)} axes")
-            for letter, size in zip(layout, array.shape, strict=True):
-                known, source = sizes.setdefault(letter, (size, name))
-                if size != known:
+        lengths: dict[str, tuple[int, str]] = {}
+        for one in columns(self):
+            array = one.canonical(getattr(self, one.name))
+            object.__setattr__(self, one.name, array)
+            if array.ndim != len(one.axes):
+                raise ValueError(f"history: {one.name} has shape {array.shape}; allowed: {len(one.axes)} axes")
+            for axis, length in zip(one.axes, array.shape, strict=True):
+                known, source = lengths.setdefault(SAME_LENGTH.get(axis, axis), (length, one.name))
+                if length != known:
                     raise ValueError(
-                        f"history: {name} has shape {array.shape}, but {source} has shape {getattr(self, source).shape}"
+                        f"history: {one.name} has shape {array.shape}, "
+                        f"but {source} has shape {getattr(self, source).shape}"
                     )
         if not self.t.size:
             raise ValueError("history: found no steps; allowed: at least one")
+        wrong = np.flatnonzero(~np.isfinite(self.t) | (np.diff(self.t, prepend=-np.inf) <= 0.0))
+        if wrong.size:
+            raise ValueError(f"history: t: found {self.t[wrong[0]]} at step {wrong[0]}; allowed: times that increase")
         if self.dimension not in (2, 3):
             raise ValueError(f"history: found positions with {self.dimension} coordinates; allowed: 2 or 3")
+
+    @property
+    def answered(self) -> NDArray[np.bool_]:
+        """Whether the first attempt of a step succeeded, be it that limits had to give ``(K,)``."""
+        return np.isin(self.solver_status, ANSWERED)
 
     @property
     def dimension(self) -> int:
@@ -189,32 +286,44 @@ class History:
     def save_npz(self, path: str | os.PathLike[str]) -> None:
         """Write all arrays to one ``.npz``; equal histories give equal bytes (fixed order, dates and attributes)."""
         with zipfile.ZipFile(path, "w") as archive:
-            for field in fields(self):
-                entry = zipfile.ZipInfo(f"{field.name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+            for one in columns(self):
+                entry = zipfile.ZipInfo(f"{one.name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
                 entry.compress_type = zipfile.ZIP_DEFLATED
                 entry.create_system = 3  # otherwise the operating system's number
                 entry.external_attr = 0o644 << 16
                 with archive.open(entry, "w", force_zip64=True) as stream:
-                    np.lib.format.write_array(stream, getattr(self, field.name), version=(1, 0), allow_pickle=False)
+                    np.lib.format.write_array(stream, getattr(self, one.name), version=(1, 0), allow_pickle=False)
 
     @classmethod
-    def load_npz(cls, path: str | os.PathLike[str]) -> History:
-        """Read a history; arrays that stand beside the known ones are passed over.
+    def load_npz(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a history; arrays beside the known ones are passed over.
 
         Raises
         ------
         ValueError
-            If the file is no ``.npz``, an array is missing, or shapes disagree.
+            If the file is no ``.npz``, an array is missing, shapes disagree, or times do not increase.
         """
-        arrays = read_arrays(path, (field.name for field in fields(cls)), "a history")
+        declared = columns(cls)
+        needed = [one.name for one in declared if not one.optional]
+        arrays = read_arrays(path, needed, "a history", optional=[one.name for one in declared if one.optional])
         try:
+            lengths = {
+                SAME_LENGTH.get(axis, axis): length
+                for one in declared
+                if one.name in arrays and arrays[one.name].ndim == len(one.axes)
+                for axis, length in zip(one.axes, arrays[one.name].shape, strict=True)
+            }
+            for one in declared:
+                if one.name not in arrays:
+                    shape = [lengths.get(SAME_LENGTH.get(axis, axis), 0) for axis in one.axes]
+                    arrays[one.name] = np.full(shape, UNKNOWN[one.kind])
             return cls(**arrays)
         except (ValueError, TypeError, OverflowError) as fault:
             raise ValueError(f"{os.fspath(path)}: not a history: {fault}") from None
 
 
-def _canonical(name: str, array: Any) -> NDArray[Any]:
-    if name in TEXT:
-        return np.array(np.asarray(array).tolist(), dtype=np.str_)  # the narrowest width, whatever it was made with
-    kind = {"detected": np.bool_, "solver_iterations": np.int64}.get(name, np.float64)
-    return np.ascontiguousarray(array, dtype=kind)
+WALL_CLOCK = tuple(one.name for one in columns(History) if one.clock)
+"""The arrays of a history that are measured by a clock: all the others repeat bit by bit for the same seed."""
+
+TEXT = frozenset(one.name for one in columns(History) if one.kind is str)
+"""The arrays of a history that hold text."""

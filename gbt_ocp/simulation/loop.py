@@ -10,16 +10,21 @@ from time import perf_counter
 from typing import Any, Literal, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.protocol import BearingGuidance, Guidance, Placement
-from gbt_ocp.models.bearings import DesiredBearing, condition_number, cumulative_bearing_matrix
+from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target
 from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.ocp.follower import BANDWIDTH
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
+from gbt_ocp.simulation.history import History
 from gbt_ocp.simulation.mover import Mover
+from gbt_ocp.simulation.plant import Plant
+from gbt_ocp.simulation.recorder import Recorder
+from gbt_ocp.simulation.step import Step
 from gbt_ocp.tracking.protocol import Forecast, GaussianProcess, PositionTracker, Tracker
 from gbt_ocp.typing import Array
 
@@ -41,13 +46,18 @@ class ClosedLoop:
     forecast_period
         Seconds between them; T in the paper.
     follow
-        ``exact``: the vehicle follows the planned flat output. ``dynamics``: its forward dynamics are integrated under
-        the planned thrust, clipped to the limits. A piece that no thrust within the limits can follow (of a braking
-        plan, at worst) is clipped and integrated either way.
+        ``exact``: the vehicle follows the planned flat output; a piece that no thrust within the limits can follow (of
+        a braking plan, at worst) is clipped and integrated, and so is the rest of that plan. ``dynamics``: the forward
+        dynamics are integrated from where the vehicle is, under the planned thrust, clipped to the limits.
+        ``feedback``: the same with a :class:`~gbt_ocp.ocp.follower.Follower` between plans.
     bound_delta
         δ of the recorded error bound.
     rng
         Source of the sensor's draws, and of the noise of the positions that a :class:`PositionTracker` is given.
+    plant
+        The vehicle that moves, where it is not the model; not with ``exact``.
+    follow_bandwidth
+        Of the follower, rad/s.
     """
 
     target: Target
@@ -59,11 +69,13 @@ class ClosedLoop:
     window: int
     forecast: int
     forecast_period: float
-    follow: Literal["exact", "dynamics"]
+    follow: Literal["exact", "dynamics", "feedback"]
     bound_delta: float
     rng: np.random.Generator
+    plant: Plant | None = None
+    follow_bandwidth: float = BANDWIDTH
 
-    # what a protocol says of an object takes as long to find out as a step of a cheap tracker: asked once a loop
+    # isinstance with a protocol takes as long as a step of a cheap tracker, so it is asked once
 
     @cached_property
     def position_tracker(self) -> PositionTracker | None:
@@ -77,36 +89,41 @@ class ClosedLoop:
 
     @cached_property
     def bearing_guidance(self) -> BearingGuidance | None:
-        """The guidance, if it is told of bearings."""
+        """The guidance, if it steers by bearings."""
         return self.guidance if isinstance(self.guidance, BearingGuidance) else None
 
 
 @dataclass(frozen=True)
 class Recording:
-    """Arrays of a run, time first, by their names in the run folder, and what they leave out.
+    """The history of a run, and counts of what happened that it does not hold.
 
     Attributes
     ----------
-    arrays
-        One entry a quantity.
+    history
+        All steps.
     tightened
         How often limits were tightened because a piece to be executed broke them between nodes.
     nugget_retries
         How often the tracker had to raise its nugget.
     refused_bearings
-        Bearings that the tracker refused because they were none: not finite, not of length 1, or out of time.
+        Bearings that the tracker refused: not finite, not of length 1, or out of order.
     held_forecasts
         Steps in which the tracker's forecast was not finite and the guidance was given the one before.
     clipped
         Steps in which a plan asked for more thrust than there is, which was clipped.
     """
 
-    arrays: dict[str, Array]
+    history: History
     tightened: int
     nugget_retries: int
     refused_bearings: int = 0
     held_forecasts: int = 0
     clipped: int = 0
+
+    @property
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The arrays of the history by name."""
+        return dict(vars(self.history))
 
 
 Progress = Callable[[int, float, float], None]
@@ -114,12 +131,18 @@ Progress = Callable[[int, float, float], None]
 
 
 def step_count(duration: float, period: float) -> int:
-    """Steps of a run: the first at t = 0, the last at the last whole period within the duration (both in seconds)."""
-    # a tenth is no binary number: 0.3/0.1 is a little less than 3
+    """Steps of a run: the first at t = 0, the last at the last full period within the duration (both in seconds)."""
+    # a tenth has no exact binary form: 0.3/0.1 is a little less than 3
     return int(duration / period + 1e-6) + 1
 
 
-def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Progress | None = None) -> Recording:
+def simulate(
+    loop: ClosedLoop,
+    start: ArrayLike,
+    duration: float,
+    progress: Progress | None = None,
+    history: type[History] = History,
+) -> Recording:
     """Run the closed loop.
 
     A bearing that the tracker refuses counts as missed. A forecast that is not finite is recorded as it is, but the
@@ -135,17 +158,20 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
         In seconds; see :func:`step_count`.
     progress
         Called after each step.
+    history
+        The class of the history; a subclass may declare further arrays.
     """
     period, vehicle = loop.sensor.period, loop.vehicle
-    mover = Mover(vehicle, period, loop.follow)
+    mover = Mover(vehicle, period, loop.follow, loop.plant, loop.follow_bandwidth)
     flat = np.asarray(start, dtype=float)
     state = vehicle.state(flat[0], flat[1])
-    rows: list[dict[str, Any]] = []
+    steps = step_count(duration, period)
+    recorder = Recorder(history, steps)
     seen: deque[Array] = deque(maxlen=loop.window)
     tightened = refused = held = clipped = 0
     usable: Forecast | None = None
     underway: deque[tuple[float, Array, Array, Array]] = deque()
-    for k in range(step_count(duration, period)):
+    for k in range(steps):
         t = k * period
         times = np.asarray(t + loop.forecast_period * np.arange(loop.forecast + 1), dtype=float)
         truth = loop.target.position(times)
@@ -158,8 +184,8 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
         if bearing is not None:
             underway.append((t, bearing, own, position))
         while underway and underway[0][0] <= t - loop.sensor.latency + 1e-9:
-            measured, arrived, there, whole = underway.popleft()
-            if _taken(loop, measured, arrived, there, whole):
+            measured, arrived, there, place = underway.popleft()
+            if _taken(loop, measured, arrived, there, place):
                 seen.append(arrived)
                 latest = arrived
             else:
@@ -175,56 +201,52 @@ def simulate(loop: ClosedLoop, start: ArrayLike, duration: float, progress: Prog
             loop.bearing_guidance.see(latest)
         decision = loop.guidance.decide(t, flat, usable)
         if isinstance(decision, Plan):
-            move = mover.follow(decision)
+            move = mover.follow(state, decision)
         elif isinstance(decision, Placement):
             move = mover.place(state, decision.position)
         else:
             move = mover.hold(state, decision.thrust[0] if isinstance(decision, ShootingPlan) else decision)
         clipped += move.clipped
-        row: dict[str, Any] = {
-            "t": t,
-            "vehicle_pose": vehicle.pose(state),
-            "vehicle_velocity": vehicle.velocity(state),
-            "thrust": move.thrust,
-            "piece_thrust_peak": move.thrust_peak,
-            "target": truth[0],
-            "bearing": np.full(loop.target.dimension, np.nan) if bearing is None else bearing,
-            "desired_bearing": getattr(loop.guidance, "desired", loop.desired)(t),
-            "detected": bearing is not None,
-            "forecast_mean": forecast.mean,
-            "forecast_cov": forecast.covariance,
-            "error": np.linalg.norm(forecast.mean - truth, axis=1),
-            "condition_number": condition_number(cumulative_bearing_matrix(seen)) if seen else np.inf,
-            "tracker_time": tracker_time,
-        }
-        if isinstance(decision, Plan | ShootingPlan):
-            tightened += decision.tightened
-        rows.append(row | _tracker_columns(loop, times) | _solver_columns(decision, vehicle))
+        step = Step(
+            time=t,
+            times=times,
+            target=truth,
+            vehicle=vehicle,
+            state=state,
+            bearing=bearing,
+            desired_bearing=getattr(loop.guidance, "desired", loop.desired)(t),
+            window=seen,
+            forecast=forecast,
+            tracker_time=tracker_time,
+            process=loop.gaussian_process,
+            bound_delta=loop.bound_delta,
+            decision=decision,
+            move=move,
+        )
+        recorder.add(step)
+        if step.plan is not None:
+            tightened += step.plan.tightened
         if progress is not None:
-            progress(k, float(np.mean(row["error"])), rows[-1]["solver_time"])
+            progress(k, float(np.mean(step.error)), np.nan if step.plan is None else step.plan.solve_time)
         flat, state = move.flat, move.state
-    longest = max(len(row["plan"]) for row in rows)
-    for row in rows:  # where nothing is planned yet there are no endpoints
-        row["plan"] = np.pad(row["plan"], ((0, longest - len(row["plan"])), (0, 0)), constant_values=np.nan)
-    arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     retries = loop.gaussian_process.nugget_retries if loop.gaussian_process is not None else 0
-    return Recording(arrays, tightened, retries, refused, held, clipped)
+    return Recording(recorder.history(), tightened, retries, refused, held, clipped)
 
 
 def _taken(loop: ClosedLoop, time: float, bearing: Array, own: Array, position: Array) -> bool:
-    """Give the tracker what was measured; whether it took it."""
+    """Give the tracker a measurement. Returns whether it took it."""
     try:
         if loop.position_tracker is not None:
             loop.position_tracker.update_position(time, position)
         else:
             cast(Tracker, loop.tracker).update(time, bearing, own)
-    except ValueError:  # no bearing at all, by the tracker's protocol; the tracker is unchanged
+    except ValueError:  # refused, by the protocol of trackers; the tracker is unchanged
         return False
     return True
 
 
 def _is_finite(forecast: Forecast) -> bool:
-    """Whether a plan can be made for it; a covariance of NaN says that there is none."""
+    """Whether a plan can be made for it. A covariance of NaN means that the tracker has none."""
     return bool(np.all(np.isfinite(forecast.mean)) and not np.any(np.isinf(forecast.covariance)))
 
 
@@ -241,45 +263,3 @@ def _measured_position(loop: ClosedLoop, target: Array) -> Array:
     if tracker is None:
         return np.full(target.shape, np.nan)
     return np.asarray(target + tracker.position_std * loop.rng.standard_normal(target.shape))
-
-
-def _tracker_columns(loop: ClosedLoop, times: Array) -> dict[str, Any]:
-    """Hyperparameters and error bound; NaN from a tracker that has none."""
-    tracker = loop.gaussian_process
-    if tracker is None:
-        unknown = dict.fromkeys(("length_scale", "amplitude", "nugget"), np.nan)
-        dimension = loop.target.dimension
-        return {**unknown, "prior_cov": np.full((dimension,) * 2, np.nan), "bound": np.full(len(times), np.nan)}
-    theta = tracker.hyperparameters
-    return {
-        "length_scale": theta.length_scale,
-        "amplitude": theta.amplitude,
-        "nugget": theta.nugget,
-        "prior_cov": tracker.prior_covariance,
-        "bound": tracker.bound(times, loop.bound_delta),
-    }
-
-
-def _solver_columns(decision: Plan | ShootingPlan | Placement | Array, vehicle: Vehicle) -> dict[str, Any]:
-    """What is recorded of a plan; neutral entries where no problem was solved."""
-    if isinstance(decision, Plan | ShootingPlan):
-        ends = decision.knots[1:]
-        return {
-            "objective": decision.objective,
-            "violation": decision.violation,
-            "solver_status": decision.status,
-            "solver_iterations": decision.iterations,
-            "solver_time": decision.solve_time,
-            "fallback": decision.fallback,
-            # as poses: the flat output of a vehicle need not be one
-            "plan": np.array([vehicle.pose(vehicle.state(end[0], end[1])) for end in ends]),
-        }
-    return {
-        "objective": np.nan,
-        "violation": np.nan,
-        "solver_status": "",
-        "solver_iterations": 0,
-        "solver_time": np.nan,
-        "fallback": "",
-        "plan": np.zeros((0, vehicle.position_dimension + 1)),
-    }

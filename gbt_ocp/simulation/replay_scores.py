@@ -1,4 +1,4 @@
-"""What a replayed track is worth: errors as shares of the range where the truth is known, and the residuals."""
+"""Scores of a replayed track: errors as shares of the range where the truth is known, and residuals."""
 
 from __future__ import annotations
 
@@ -6,14 +6,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
+from gbt_ocp.simulation.calibration import squared_errors, within
 from gbt_ocp.simulation.replay import BearingLog
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, relative_range_std
 from gbt_ocp.typing import Array
-
-CONFIDENCE = 0.95
-"""Of the ellipse whose coverage is counted."""
 
 
 def scores(
@@ -28,7 +25,7 @@ def scores(
     residual: Array | None = None,
     seconds: Array | None = None,
 ) -> dict[str, Any]:
-    """Numbers of one track, from ``score_from`` seconds after the first bearing on.
+    """Numbers of one track, from ``score_from`` seconds after the first bearing.
 
     Parameters
     ----------
@@ -37,7 +34,7 @@ def scores(
     times, mean, covariance
         The track: ``(K,)``, ``(K, d)``, ``(K, d, d)``.
     ahead_s, ahead
-        Its forecast so many seconds ahead, mean and covariance.
+        Time in seconds by which it forecasts, and mean and covariance of the forecast.
     score_from
         In seconds.
     residual
@@ -69,7 +66,7 @@ def scores(
         if ahead is not None:
             later = times + ahead_s
             there = np.stack([np.interp(later, times, values, right=np.nan) for values in log.truth.T], axis=-1)
-            # seen from where the vehicle is then
+            # from the own position of that time
             own = np.stack([np.interp(later, times, values) for values in log.own.T], axis=-1)
             found |= _errors("ahead_", *ahead, there, np.linalg.norm(there - own, axis=1), scored)
     if residual is not None:
@@ -85,15 +82,8 @@ def _errors(
 ) -> dict[str, Any]:
     offset = mean - truth
     share = np.linalg.norm(offset, axis=1) / true_range
-    nees = np.full(len(share), np.nan)
-    sound = np.asarray(np.isfinite(covariance).all(axis=(1, 2)) & np.isfinite(offset).all(axis=1))
-    if np.any(sound):
-        smallest = np.linalg.eigvalsh(covariance[sound])[:, 0]
-        sound[np.flatnonzero(sound)[smallest <= 0.0]] = False
-    if np.any(sound):
-        solved = np.linalg.solve(covariance[sound], offset[sound][..., None])[..., 0]
-        nees[sound] = np.sum(offset[sound] * solved, axis=1)
-    inside = nees[scored & np.isfinite(nees)] < chi2.ppf(CONFIDENCE, mean.shape[1])
+    nees = squared_errors(offset, covariance)
+    inside = within(nees, mean.shape[1])[scored & ~np.isnan(nees)]
     return {
         f"{prefix}error_median": _of(np.median, share[scored]),
         f"{prefix}error_rms": _of(_root_mean_square, share[scored]),
@@ -109,6 +99,6 @@ def _root_mean_square(values: Array) -> float:
 
 
 def _of(statistic: Any, values: NDArray[Any]) -> float | None:
-    """Statistic of the finite values, ``None`` when there are none."""
+    """Statistic of the finite values, ``None`` without any."""
     finite = values[np.isfinite(values)]
     return float(statistic(finite)) if finite.size else None

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gbt_ocp.simulation.columns import columns
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -17,57 +18,6 @@ if TYPE_CHECKING:
 
 _AXES = ("x", "y", "z")
 _BODY = {2: ("surge", "sway", "yaw"), 3: ("surge", "sway", "heave", "yaw")}
-
-_UNITS = {
-    "vehicle_pose": "m; yaw rad",
-    "vehicle_velocity": "m/s; yaw rate rad/s",
-    "thrust": "N; yaw moment N m",
-    "piece_thrust_peak": "of the limit",
-    "target": "m",
-    "forecast_mean": "m",
-    "forecast_cov": "m2",
-    "error": "m",
-    "bound": "m",
-    "length_scale": "s",
-    "amplitude": "m",
-    "nugget": "of the amplitude squared",
-    "prior_cov": "m2",
-    "violation": "of the limit",
-    "solver_time": "s",
-    "tracker_time": "s",
-    "plan": "m; yaw rad",
-}
-
-# Names of the dimensions behind the first, which is t.
-_DIMENSIONS: dict[str, tuple[str, ...]] = {
-    "vehicle_pose": ("pose",),
-    "vehicle_velocity": ("body",),
-    "thrust": ("input",),
-    "piece_thrust_peak": ("input",),
-    "target": ("axis",),
-    "bearing": ("axis",),
-    "desired_bearing": ("axis",),
-    "forecast_mean": ("ahead", "axis"),
-    "forecast_cov": ("ahead", "axis", "axis_"),
-    "error": ("ahead",),
-    "bound": ("ahead",),
-    "prior_cov": ("axis", "axis_"),
-    "plan": ("piece", "pose"),
-}
-
-_SCALARS = (
-    "condition_number",
-    "length_scale",
-    "amplitude",
-    "nugget",
-    "objective",
-    "violation",
-    "solver_status",
-    "solver_iterations",
-    "solver_time",
-    "tracker_time",
-    "fallback",
-)
 
 
 def dataframe(history: History) -> DataFrame:
@@ -96,7 +46,7 @@ def dataset(history: History, attributes: dict[str, Any]) -> Dataset:
     history
         The run.
     attributes
-        Of the dataset as a whole.
+        Attributes of the dataset.
 
     Returns
     -------
@@ -113,54 +63,36 @@ def dataset(history: History, attributes: dict[str, Any]) -> Dataset:
     except ImportError:
         raise ImportError("to_xarray() needs xarray; install it with: pip install xarray") from None
     variables = {
-        field.name: (
-            ("t", *_DIMENSIONS.get(field.name, ())),
-            getattr(history, field.name),
-            {"units": _UNITS[field.name]} if field.name in _UNITS else {},
-        )
-        for field in fields(history)
-        if field.name != "t"
+        one.name: (one.axes, getattr(history, one.name), {"units": one.units} if one.units else {})
+        for one in columns(history)
+        if one.name != "t"
     }
-    axes = list(_AXES[: history.dimension])
     coordinates: dict[str, Any] = {
         "t": ("t", history.t, {"units": "s"}),
-        "axis": axes,
-        "axis_": axes,
-        "pose": [*axes, "yaw"],
-        "body": list(_BODY[history.dimension]),
-        "input": _inputs(history),
+        **_names(history),
         "ahead": np.arange(history.error.shape[1]),
         "piece": np.arange(1, history.plan.shape[1] + 1),
     }
     return xarray.Dataset(variables, coordinates, attributes)
 
 
-def _inputs(history: History) -> list[str]:
-    """Names of the thrust's axes; a vehicle of a problem's own may have any number."""
-    count, names = history.thrust.shape[1], _BODY[history.dimension]
-    return list(names) if count == len(names) else [str(number + 1) for number in range(count)]
+def _names(history: History) -> dict[str, list[str]]:
+    """Names of the entries along each axis that has them; the inputs of a problem's own vehicle are numbered."""
+    axes, body = list(_AXES[: history.dimension]), list(_BODY[history.dimension])
+    count = history.thrust.shape[1]
+    inputs = body if count == len(body) else [str(number + 1) for number in range(count)]
+    return {"axis": axes, "axis_": axes, "pose": [*axes, "yaw"], "body": body, "input": inputs}
 
 
 def _columns(history: History) -> Iterator[tuple[str, NDArray[Any]]]:
-    axes, body = _AXES[: history.dimension], _BODY[history.dimension]
-    spread = np.sqrt(np.maximum(np.diagonal(history.forecast_cov[:, 0], axis1=1, axis2=2), 0.0))
-    groups = (
-        ("vehicle", (*axes, "yaw"), history.vehicle_pose),
-        ("velocity", body, history.vehicle_velocity),
-        ("thrust", _inputs(history), history.thrust),
-        ("thrust_peak", _inputs(history), history.piece_thrust_peak),
-        ("target", axes, history.target),
-        ("bearing", axes, history.bearing),
-        ("desired_bearing", axes, history.desired_bearing),
-        ("estimate", axes, history.forecast_mean[:, 0]),
-        ("estimate_std", axes, spread),
-    )
-    for group, names, values in groups:
-        for name, column in zip(names, values.T, strict=True):
-            yield f"{group}_{name}", column
-    yield "detected", history.detected
-    yield "error", history.error[:, 0]
-    yield "error_mean", history.mean_error
-    yield "bound_mean", history.bound.mean(axis=1)
-    for name in _SCALARS:
-        yield name, getattr(history, name)
+    names = _names(history)
+    for one in columns(history):
+        if one.name == "t":
+            continue
+        for label, compute in one.table.items():
+            values = compute(getattr(history, one.name))
+            if values.ndim == 1:
+                yield label or one.name, values
+            else:
+                for name, column in zip(names[one.axes[-1]], values.T, strict=True):
+                    yield f"{label or one.name}_{name}", column

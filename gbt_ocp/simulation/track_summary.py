@@ -5,36 +5,25 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import chi2
 
+from gbt_ocp.simulation.calibration import squared_errors, within
 from gbt_ocp.typing import Array
 
 if TYPE_CHECKING:  # the summary of a history is made beside it
     from gbt_ocp.simulation.history import History
 
-SETTLING_S = 60.0
+TRACK_SETTLING_S = 60.0
 """Time in seconds from which these numbers are taken: after the start-up of a run of minutes."""
 
 AHEAD_S = 10.0
 """How far ahead the forecast is scored, and how long the end of a run lasts, in seconds."""
 
-LOST = 0.5
+LOST_SHARE = 0.5
 """A run has lost its target if the median error over its end exceeds this share of the range."""
 
 
-def squared_distances(error: Array, covariance: Array) -> Array:
-    """NEES ``eᵀ Σ⁻¹ e`` ``(K,)`` of errors ``(K, d)`` in m; NaN where Σ ``(K, d, d)`` is unknown or singular."""
-    found = np.full(len(error), np.nan)
-    for k, (e, sigma) in enumerate(zip(error, covariance, strict=True)):
-        if np.all(np.isfinite(sigma)):
-            values, vectors = np.linalg.eigh(sigma)
-            if values[0] > 0.0:
-                found[k] = float(np.sum((vectors.T @ e) ** 2 / values))
-    return found
-
-
 def track_numbers(history: History, forecast_period: float, standoff: float | None) -> dict[str, Any]:
-    """Numbers that a run at sea is judged by; those that are not defined are left out.
+    """Numbers that a run at sea is judged by. Undefined ones are left out.
 
     Parameters
     ----------
@@ -56,10 +45,9 @@ def track_numbers(history: History, forecast_period: float, standoff: float | No
     """
     t, d = history.t, history.dimension
     range_ = np.linalg.norm(history.target - history.vehicle_pose[:, :d], axis=1)
-    settling = min(SETTLING_S, 0.5 * (t[-1] - t[0]))
+    settling = min(TRACK_SETTLING_S, 0.5 * (t[-1] - t[0]))
     settled = (t >= settling - 1e-9) & (range_ > 0.0)
     numbers: dict[str, Any] = {"track_settling_s": settling}
-    inside = float(chi2.ppf(0.95, d))
     for suffix, ahead in (("", 0.0), ("_10s", AHEAD_S)):
         index = round(ahead / forecast_period)
         if index >= history.error.shape[1] or abs(index * forecast_period - ahead) > 1e-6:
@@ -69,13 +57,13 @@ def track_numbers(history: History, forecast_period: float, standoff: float | No
             numbers[f"relative_error{suffix}"] = float(np.mean(error[settled] / range_[settled]))
         truth = history.target if not ahead else _ahead(history, ahead)
         rows = np.flatnonzero(settled & np.isfinite(truth).all(axis=1))
-        nees = squared_distances(history.forecast_mean[rows, index] - truth[rows], history.forecast_cov[rows, index])
+        nees = squared_errors(history.forecast_mean[rows, index] - truth[rows], history.forecast_cov[rows, index])
         if len(nees) and np.isfinite(nees).all():
             numbers[f"nees_mean{suffix}"] = float(np.mean(nees))
-            numbers[f"coverage_95{suffix}"] = float(np.mean(nees <= inside))
+            numbers[f"coverage_95{suffix}"] = float(np.mean(within(nees, d)))
     end = (t >= t[-1] - AHEAD_S) & (range_ > 0.0)
     if end.any():
-        numbers["lost"] = bool(np.median(history.error[end, 0] / range_[end]) > LOST)
+        numbers["lost"] = bool(np.median(history.error[end, 0] / range_[end]) > LOST_SHARE)
     if standoff is not None:
         kept = np.flatnonzero(range_ >= standoff)
         numbers["steps_below_standoff"] = int(np.sum(range_[kept[0] :] < standoff)) if len(kept) else len(t)

@@ -1,7 +1,7 @@
-"""What no single key shows: keys that contradict each other, the problem, or the files they name.
+"""Faults between keys: keys that contradict each other, the problem, or the files that they name.
 
-The checks read the merged mapping and not the checked models, so that they report beside the faults of single keys
-instead of after them; a value of the wrong type is left to the models.
+The checks read the merged mapping and not the checked models, so that their faults come together with those of
+single keys and not after them. A value of the wrong type is left to the models.
 """
 
 from __future__ import annotations
@@ -10,16 +10,19 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from pydantic import ValidationError
+
 from gbt_ocp.experiments.build.trackers import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.faults import NOTHING, Fault, shown, value_at
 from gbt_ocp.experiments.config.keys import Section
 from gbt_ocp.experiments.config.noise import NoisyBearings
-from gbt_ocp.experiments.config.schema import Configuration, Planner, Sensor
+from gbt_ocp.experiments.config.planner import Planner
+from gbt_ocp.experiments.config.plant import Plant
+from gbt_ocp.experiments.config.schema import Configuration, kinds
+from gbt_ocp.experiments.config.sensor import Sensor
 from gbt_ocp.experiments.config.tracker import GaussianProcessSection, ShapeSection, TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
-from gbt_ocp.experiments.config.validation import kinds, union_of
-from gbt_ocp.models.targets import TrackTarget
 
 _BINS = ("bin_s", "window_s")
 _CASES = {2: ("case1", "case2", "case3"), 3: ("case4", "case5", "case6")}
@@ -41,6 +44,7 @@ def inconsistencies(merged: Mapping[str, Any], problem: TrackingProblem | None) 
     yield from _one_of(merged, ("desired_bearing",), "m", "period_s")
     if isinstance(value_at(merged, ("tracker", "prior")), Mapping):
         yield from _one_of(merged, ("tracker", "prior"), "std", "covariance")
+    yield from _plant(merged)
     if problem is not None:
         yield from _dimension(merged, problem)
         yield from _factories(merged, problem)
@@ -51,7 +55,7 @@ def _number(merged: Mapping[str, Any], path: tuple[str, ...], default: Any) -> f
     value = value_at(merged, path)
     value = default if value is NOTHING else value
     number = isinstance(value, int | float) and not isinstance(value, bool) and is_moderate(value)
-    return value if number else None  # sizes that are none are said elsewhere
+    return value if number else None  # extremes() reports the others
 
 
 def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
@@ -70,7 +74,7 @@ def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
     if ahead is not None and period is not None and min(ahead, period) > 0.0:
         share = (piece or period) / ahead
         if abs(share - round(share)) > 1e-6 or round(share) < 1:
-            allowed = f"null, or a whole part of a piece, planner.period_s = {piece or period:.6g}"
+            allowed = f"null, or a piece divided by a whole number, planner.period_s = {piece or period:.6g}"
             yield Fault(("tracker", "forecast_period_s"), shown(ahead), allowed)
     if piece is not None and period is not None and min(piece, period) > 0.0:
         steps = piece / period
@@ -156,6 +160,30 @@ def _bins(merged: Mapping[str, Any], path: tuple[str, ...], section: type[Sectio
         yield Fault((*path, "window_s"), shown(window), f"at most {MOST_BINS} bins, {MOST_BINS * width:.6g} s")
 
 
+def _plant(merged: Mapping[str, Any]) -> Iterator[Fault]:
+    """A vehicle that differs from its model, beside ways to move that leave no room for it."""
+    vehicle, follow = value_at(merged, ("vehicle", "kind")), value_at(merged, ("vehicle", "follow"))
+    bandwidth = value_at(merged, ("vehicle", "follow_bandwidth"))
+    if bandwidth not in (NOTHING, None) and follow != "feedback":
+        yield Fault(("vehicle", "follow_bandwidth"), shown(bandwidth), "null without vehicle.follow = feedback")
+    try:
+        plant = Plant.model_validate(merged.get("plant", {}))
+    except ValidationError:  # said where single keys are checked
+        return
+    if plant.is_model:
+        return
+    if follow in (NOTHING, "exact"):
+        allowed = "dynamics or feedback beside a plant that differs from its model"
+        yield Fault(("vehicle", "follow"), "exact", allowed)
+    if value_at(merged, ("guidance", "kind")) == "fim_placement":
+        yield Fault(
+            ("plant",), shown(merged["plant"]), "nothing beside guidance.kind = fim_placement, which moves no plant"
+        )
+    if vehicle == "problem" and plant.has_forces:
+        allowed = "thrust, lag_s and dead_time_s alone beside vehicle.kind = problem"
+        yield Fault(("plant",), shown(merged["plant"]), allowed)
+
+
 def _limits(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Iterator[Fault]:
     pairs = (("range", "nearest_m", "farthest_m"), ("depth", "lowest_m", "highest_m"))
     for section, low, high in pairs:
@@ -167,8 +195,8 @@ def _limits(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Itera
     near, far, margin = (_number(merged, (*path, name), 0.0) for name in ("nearest_m", "farthest_m", "margin_m"))
     between = (far or 0.0) - (near or 0.0)
     if margin is not None and 0.0 < between <= 2.0 * margin:
-        told = f"a number < {0.5 * between:.6g}, half of what lies between the limits"
-        yield Fault((*path, "margin_m"), shown(margin), told)
+        allowed = f"a number < {0.5 * between:.6g}, half of what lies between the limits"
+        yield Fault((*path, "margin_m"), shown(margin), allowed)
     if isinstance(value_at(merged, ("limits", "range")), Mapping) and all(
         value_at(merged, ("limits", "range", name)) in (NOTHING, None) for name in ("nearest_m", "farthest_m")
     ):
@@ -186,12 +214,12 @@ def _limits(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Itera
 def _dimension(merged: Mapping[str, Any], problem: TrackingProblem) -> Iterator[Fault]:
     kind = value_at(merged, ("target", "kind"))
     if kind in _CASES[5 - problem.dimension]:
-        others = [name for name in kinds(union_of("target")) if not name.startswith("case")]
+        others = [name for name in kinds("target") if not name.startswith("case")]
         allowed = ", ".join([*_CASES[problem.dimension], *others])
         yield Fault(("target", "kind"), shown(kind), f"{allowed} (the problem has {problem.dimension} dimensions)")
     law = value_at(merged, ("guidance", "kind"))
     if problem.dimension == 2 and law == "helical":
-        planar = ", ".join(name for name in kinds(union_of("guidance")) if name != "helical")
+        planar = ", ".join(name for name in kinds("guidance") if name != "helical")
         yield Fault(("guidance", "kind"), shown(law), f"{planar} (a helix needs 3 dimensions)")
     axis = value_at(merged, ("desired_bearing", "axis"))
     if problem.dimension == 2 and axis is not NOTHING and axis is not None:
@@ -203,7 +231,7 @@ def _dimension(merged: Mapping[str, Any], problem: TrackingProblem) -> Iterator[
 def _factories(merged: Mapping[str, Any], problem: TrackingProblem) -> Iterator[Fault]:
     for section, factory in (("target", callable(problem.target)), ("vehicle", problem.vehicle is not None)):
         if value_at(merged, (section, "kind")) == "problem" and not factory:
-            others = ", ".join(kind for kind in kinds(union_of(section)) if kind != "problem")
+            others = ", ".join(kind for kind in kinds(section) if kind != "problem")
             yield Fault((section, "kind"), '"problem"', f"{others} (problem {problem.name} makes no {section})")
 
 
@@ -215,6 +243,8 @@ def _track(merged: Mapping[str, Any], dimension: int) -> Iterator[Fault]:
     if path is None or not path.is_file():
         yield Fault(("target", "path"), f"{shown(target['path'])}, which is not a file", wanted)
         return
+    from gbt_ocp.models.targets import TrackTarget  # CasADi comes with it, which most commands need not wait for
+
     try:
         track = TrackTarget.from_csv(path, dimension)
     except (ValueError, OSError) as fault:

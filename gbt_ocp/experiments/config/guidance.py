@@ -23,74 +23,68 @@ GUIDANCE_LAWS = {
 class PlannerGuidance(Section):
     """The vehicle follows the planned trajectory."""
 
-    kind: Literal["planner"] = Field(description="Trajectory optimisation.")
+    kind: Literal["planner"] = key(..., "Trajectory optimisation.")
     startup_deviation: float = key(
         0.0,
         "Until the range's posterior deviation is below this share of it, the vehicle crosses the line of sight; "
         "0 plans at once.",
-        "a number >= 0",
         ge=0.0,
     )
-    startup_speed: float = key(3.0, "Speed in m/s at which it crosses.", "a number > 0", gt=0.0)
-    startup_leg_s: float = key(8.0, "Time in s after which it crosses the other way.", "a number > 0", gt=0.0)
-    startup_opening: float = key(
-        1.2, "Part of that speed in m/s that leads away from the target.", "a number >= 0", ge=0.0
-    )
+    startup_speed: float = key(3.0, "Speed in m/s at which it crosses.", gt=0.0)
+    startup_leg_s: float = key(8.0, "Time in s after which it crosses the other way.", gt=0.0)
+    startup_opening: float = key(1.2, "Part of that speed in m/s that leads away from the target.", ge=0.0)
 
 
 class StaticGuidance(Section):
     """The vehicle stays where it is (section 5.3, mode 1)."""
 
-    kind: Literal["static"] = Field(description="No thrust.")
+    kind: Literal["static"] = key(..., "No thrust.")
 
 
 class ConstantForceGuidance(Section):
     """Constant thrust (section 5.3, mode 2)."""
 
-    kind: Literal["constant_force"] = Field(description="Constant body thrust.")
-    force: InputNumbers = Field(
-        description="Thrust in N on each axis, then the yaw moment in N m (default 500 N, no moment).",
-        json_schema_extra={"allowed": "{n} numbers"},
-    )
+    kind: Literal["constant_force"] = key(..., "Constant body thrust.")
+    force: InputNumbers = key(..., "Thrust in N on each axis, then the yaw moment in N m (default 500 N, no moment).")
 
 
 class RandomGuidance(Section):
     """Random thrust within the limits (section 5.3, mode 3)."""
 
-    kind: Literal["random"] = Field(description="Random body thrust.")
-    hold_s: float = key(1.0, "Time each draw is held in s.", "a number > 0", gt=0.0)
+    kind: Literal["random"] = key(..., "Random body thrust.")
+    hold_s: float = key(1.0, "Time each draw is held in s.", gt=0.0)
 
 
 class StandoffGuidance(Section):
     """What the laws share that keep a distance."""
 
-    standoff_m: float = key(0.5, "Distance in m to keep from the estimate.", "a number > 0", gt=0.0)
+    standoff_m: float = key(0.5, "Distance in m to keep from the estimate.", gt=0.0)
 
 
 class CircumnavigationGuidance(StandoffGuidance):
     """The vehicle circles the estimate."""
 
-    kind: Literal["circumnavigation"] = Field(description="Circles the estimate.")
-    speed: float = key(4.0, "Tangential speed in m/s, above the target's.", "a number > 0", gt=0.0)
-    radial_gain: float = key(10.0, "Gain on the range in 1/s.", "a number > 0", gt=0.0)
+    kind: Literal["circumnavigation"] = key(..., "Circles the estimate.")
+    speed: float = key(4.0, "Tangential speed in m/s, above the target's.", gt=0.0)
+    radial_gain: float = key(10.0, "Gain on the range in 1/s.", gt=0.0)
 
 
 class FimPlacementGuidance(StandoffGuidance):
     """The vehicle is put where the next desired bearing is taken, without dynamics."""
 
-    kind: Literal["fim_placement"] = Field(description="Placed at the optimal configuration.")
+    kind: Literal["fim_placement"] = key(..., "Placed at the optimal configuration.")
 
 
 class HelicalGuidance(StandoffGuidance):
     """The vehicle winds around the line of sight."""
 
-    kind: Literal["helical"] = Field(description="Winds around the line of sight.")
-    gain: float = key(5.0, "N, gain on the heading error in 1/m.", "a number > 0", gt=0.0)
-    amplitude_z: float = key(3.5, "c_z, amplitude about z in rad.", "a number >= 0", ge=0.0)
-    amplitude_y: float = key(3.5, "c_y, amplitude about y in rad.", "a number >= 0", ge=0.0)
-    frequency: float = key(0.5, "k, weaving frequency in rad/s.", "a number >= 0", ge=0.0)
-    range_gain: float = key(10.0, "k_r, gain on the range in 1/s^2.", "a number >= 0", ge=0.0)
-    range_damping: float = key(6.0, "k_v, gain on the closing speed in 1/s.", "a number >= 0", ge=0.0)
+    kind: Literal["helical"] = key(..., "Winds around the line of sight.")
+    gain: float = key(5.0, "N, gain on the heading error in 1/m.", gt=0.0)
+    amplitude_z: float = key(3.5, "c_z, amplitude about z in rad.", ge=0.0)
+    amplitude_y: float = key(3.5, "c_y, amplitude about y in rad.", ge=0.0)
+    frequency: float = key(0.5, "k, weaving frequency in rad/s.", ge=0.0)
+    range_gain: float = key(10.0, "k_r, gain on the range in 1/s^2.", ge=0.0)
+    range_damping: float = key(6.0, "k_v, gain on the closing speed in 1/s.", ge=0.0)
 
 
 AnyGuidance = Annotated[
@@ -103,4 +97,4 @@ AnyGuidance = Annotated[
     | HelicalGuidance,
     Field(discriminator="kind"),
 ]
-"""The section, told apart by ``kind``."""
+"""The section; ``kind`` chooses between its classes."""

@@ -1,20 +1,34 @@
-"""How a key of the configuration is declared: its types, its meaning, and what is allowed.
-
-Shared by the sections in :mod:`~gbt_ocp.experiments.config.schema`, :mod:`~gbt_ocp.experiments.config.tracker` and
-:mod:`~gbt_ocp.experiments.config.guidance`.
-"""
+"""How a section of the configuration is declared: its keys, their types, and what all sections share."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, get_args
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+from pydantic.fields import FieldInfo
+
+from gbt_ocp.experiments.config.allowed import InWords, allowed, is_section
 
 
-def key(default: Any, meaning: str, allowed: str, **bounds: Any) -> Any:
-    """Declare a key; ``{d}`` and ``{n}`` in `allowed` stand for the sizes of the problem."""
-    return Field(default, description=meaning, json_schema_extra={"allowed": allowed}, **bounds)
+def key(default: Any, meaning: str, says: str | None = None, **bounds: Any) -> Any:
+    """Declare a key.
+
+    Parameters
+    ----------
+    default
+        ``...`` for a key that must be written.
+    meaning
+        One sentence, with the unit.
+    says
+        What is allowed, only where type and bounds do not say it all
+        (:func:`~gbt_ocp.experiments.config.allowed.allowed` derives the rest); ``{d}`` and ``{n}`` stand for the sizes
+        of the problem.
+    **bounds
+        ``gt``, ``ge``, ``lt``, ``le`` of a number; ``pattern``, ``min_length``.
+    """
+    return Field(default, description=meaning, json_schema_extra={"allowed": says} if says else None, **bounds)
 
 
 def as_tuples(value: Any) -> Any:
@@ -46,17 +60,75 @@ def _covariance(value: tuple[tuple[float, ...], ...], info: ValidationInfo) -> t
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
-PositiveNumbers = Annotated[tuple[Positive, ...], BeforeValidator(as_tuples), Field(min_length=1)]
+PositiveNumbers = Annotated[tuple[Positive, ...], Field(min_length=1), BeforeValidator(as_tuples)]
 NotNegativeNumbers = Annotated[tuple[NotNegative, ...], BeforeValidator(as_tuples)]
 Numbers = Annotated[tuple[float, ...], BeforeValidator(as_tuples)]
-PositionNumbers = Annotated[Numbers, sized("d")]
-InputNumbers = Annotated[Numbers, sized("n")]
-PositiveInputNumbers = Annotated[tuple[Positive, ...], BeforeValidator(as_tuples), sized("n")]
-NotNegativeInputNumbers = Annotated[tuple[NotNegative, ...], BeforeValidator(as_tuples), sized("n")]
-Covariance = Annotated[tuple[tuple[float, ...], ...], BeforeValidator(as_tuples), AfterValidator(_covariance)]
+PositionNumbers = Annotated[Numbers, sized("d"), InWords("{d} numbers")]
+InputNumbers = Annotated[Numbers, sized("n"), InWords("{n} numbers")]
+PositiveInputNumbers = Annotated[PositiveNumbers, sized("n"), InWords("{n} numbers > 0")]
+NotNegativeInputNumbers = Annotated[NotNegativeNumbers, sized("n"), InWords("{n} numbers >= 0")]
+Covariance = Annotated[
+    tuple[tuple[float, ...], ...],
+    BeforeValidator(as_tuples),
+    AfterValidator(_covariance),
+    InWords("a symmetric positive definite {d} x {d} matrix"),
+]
+
+
+def _with_allowed(tree: dict[str, Any], section: type[BaseModel]) -> None:
+    """Add to the JSON schema of a section what each of its keys allows; a section below does so itself."""
+    for name, field in section.model_fields.items():
+        if not is_section(field):
+            tree["properties"][name]["allowed"] = allowed(field)
 
 
 class Section(BaseModel):
     """What all sections share: strict types, finite numbers, no unknown keys, frozen."""
 
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(
+        strict=True, frozen=True, extra="forbid", allow_inf_nan=False, json_schema_extra=_with_allowed
+    )
+
+
+def sections_in(annotation: Any) -> list[type[Section]]:
+    """Sections that a type is made of: those between which a union chooses, or those of a list."""
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return [annotation]
+    return [section for part in get_args(annotation) for section in sections_in(part)]
+
+
+def kinds_in(annotation: Any) -> list[str]:
+    """Values of ``kind`` between which a type chooses, sorted."""
+    return sorted(kind for section in sections_in(annotation) for kind in kinds_of(section))
+
+
+def kinds_of(section: type[Section]) -> tuple[str, ...]:
+    """Values of ``kind`` that choose a section; empty if it has no alternatives."""
+    return get_args(section.model_fields["kind"].annotation) if "kind" in section.model_fields else ()
+
+
+def redeclare(section: type[Section], keys: Mapping[str, tuple[Any, Any]]) -> None:
+    """Give a section other keys, each with its type and what :func:`key` returned, in this order.
+
+    The sections that hold it are built again, so that a key can be added to a schema that is in use.
+    """
+    section.model_fields.clear()
+    for name, (annotation, declared) in keys.items():
+        section.model_fields[name] = FieldInfo.from_annotated_attribute(annotation, declared)
+    section.model_rebuild(force=True)
+    for holder in _holders(section):
+        holder.model_rebuild(force=True)
+
+
+def _holders(section: type[Section]) -> Iterator[type[Section]]:
+    """Sections below which a section stands, inner ones first."""
+    for other in _all_sections():
+        if any(section in sections_in(field.annotation) for field in other.model_fields.values()):
+            yield other
+            yield from _holders(other)
+
+
+def _all_sections(top: type[Section] = Section) -> Iterator[type[Section]]:
+    for below in top.__subclasses__():
+        yield below
+        yield from _all_sections(below)

@@ -1,15 +1,23 @@
-"""The section ``limits``: what the vehicle must keep to besides its thrust."""
+"""The section ``limits``: what the vehicle must keep to besides its thrust.
+
+A limit is defined in one place: its name, its key with what the key allows, and the constraints that it makes. The
+functions below :class:`Limits` define those that exist. A further limit is a further function, here or in a problem's
+own file; see :func:`limit`.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from gbt_ocp.experiments.config.keys import PositionNumbers, Positive, Section, as_tuples, key
+from gbt_ocp.experiments.config.keys import PositionNumbers, Positive, Section, as_tuples, key, redeclare
 
-LimitName = Literal["range", "keep_out", "depth", "speed", "yaw_rate", "bow_angle"]
-"""Names of the limits, as :attr:`Limits.hard` lists them."""
+if TYPE_CHECKING:  # CasADi takes a second to import, which a check of a configuration does not need
+    from gbt_ocp.ocp import Constraint, TrajectoryProblem
 
 Corner = tuple[float, float]
 
@@ -17,11 +25,9 @@ Corner = tuple[float, float]
 class RangeLimit(Section):
     """Distance from the target, as far as the forecast tells it."""
 
-    nearest_m: Positive | None = key(None, "Least range in m.", "a number > 0, or null for none")
-    farthest_m: Positive | None = key(None, "Largest range in m.", "a number > nearest_m, or null for none")
-    confidence: float = key(
-        0.95, "Probability with which each of the two is kept.", "a number in [0.5, 1)", ge=0.5, lt=1.0
-    )
+    nearest_m: Positive | None = key(None, "Least range in m.")
+    farthest_m: Positive | None = key(None, "Largest range in m.", "null, or a number > nearest_m")
+    confidence: float = key(0.95, "Probability with which each of the two is kept.", ge=0.5, lt=1.0)
     margin_m: float = key(
         0.0, "By how much plans keep more than what is asked, in m; a run is judged by what is asked.",
         "a number >= 0, and below half of what lies between nearest_m and farthest_m", ge=0.0,
@@ -29,17 +35,14 @@ class RangeLimit(Section):
     spread: Literal["forecast", "present"] = key(
         "forecast",
         "Spread of the posterior ahead: that of the forecast, or the present one, which further bearings will keep.",
-        "forecast, present",
     )
 
 
 class DepthLimit(Section):
     """The water, in space."""
 
-    lowest_m: float = Field(description="Seabed: least z in m.", json_schema_extra={"allowed": "a number"})
-    highest_m: float = Field(
-        description="Surface: largest z in m.", json_schema_extra={"allowed": "a number > lowest_m"}
-    )
+    lowest_m: float = key(..., "Seabed: least z in m.")
+    highest_m: float = key(..., "Surface: largest z in m.", "a number > lowest_m")
 
 
 class KeepOutZone(Section):
@@ -55,27 +58,161 @@ class KeepOutZone(Section):
 class Limits(Section):
     """Limits besides thrust; what is null is not limited."""
 
-    range: RangeLimit | None = key(None, "Distance from the target.", "null, or a mapping with nearest_m, farthest_m")
-    keep_out: Annotated[tuple[KeepOutZone, ...], BeforeValidator(as_tuples)] = key(
-        (),
-        "Zones to stay out of.",
-        "a list of mappings, each with centre_m and radius_m, or with corners_m",
+    # Its keys are declared by :func:`limit`: those of LIMITS, then those that all limits share.
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A limit: its key in the section, and the constraints that it makes.
+
+    Attributes
+    ----------
+    key
+        Name of the key in the section ``limits``.
+    annotation
+        Type of its value, ``None`` among the values.
+    declared
+        Default, meaning and what is allowed, from :func:`~gbt_ocp.experiments.config.keys.key`.
+    constraints
+        Makes constraints from a value other than ``None`` and the problem that they are added to.
+    """
+
+    key: str
+    annotation: Any
+    declared: Any
+    constraints: Callable[[Any, TrajectoryProblem], Iterator[Constraint]]
+
+
+LIMITS: dict[str, Limit] = {}
+"""The limits that exist, by the names that ``limits.hard`` lists."""
+
+
+def limit(name: str, key: str, annotation: Any, declared: Any) -> Callable[[Any], Any]:
+    """Define a limit: a decorator of the function that makes its constraints.
+
+    In a problem's file it adds the limit for that problem::
+
+        @limit("north", "north_m", float | None, key(None, "Largest y in m."))
+        def _north(value, problem):
+            yield NorthLimit(value)
+
+    Parameters
+    ----------
+    name
+        As ``limits.hard`` lists it. A file that is executed again replaces its own limit of that name.
+    key, annotation, declared
+        See :class:`Limit`.
+
+    Raises
+    ------
+    ValueError
+        If another file has defined a limit of that name or key.
+    """
+
+    def define(constraints: Callable[[Any, TrajectoryProblem], Iterator[Constraint]]) -> Any:
+        for other, found in LIMITS.items():
+            if (other == name or found.key == key) and found.constraints.__module__ != constraints.__module__:
+                raise ValueError(f"limit {name}: found a name or key ({key}) of a limit that exists; allowed: another")
+        LIMITS[name] = Limit(key, annotation, declared, constraints)
+        redeclare(Limits, {**{one.key: (one.annotation, one.declared) for one in LIMITS.values()}, **_shared()})
+        return constraints
+
+    return define
+
+
+def _shared() -> dict[str, tuple[Any, Any]]:
+    names: Any = Literal.__getitem__(tuple(LIMITS))
+    return {
+        "hard": (
+            Annotated[tuple[names, ...], BeforeValidator(as_tuples)],
+            key((), "Which of them are imposed exactly; the others are penalised."),
+        ),
+        "weight": (Positive, key(100.0, "w_p of those that are penalised.")),
+        "width": (Positive, key(0.01, "ϖ of those that are penalised, in units of the limit.")),
+        "nodes": (int, key(4, "n_c, intervals a piece at which they are imposed.", ge=1)),
+    }
+
+
+@limit(
+    "range",
+    "range",
+    RangeLimit | None,
+    key(None, "Distance from the target."),
+)
+def _range(value: RangeLimit, problem: TrajectoryProblem) -> Iterator[Constraint]:
+    from gbt_ocp.guidance.target_limits import RangeLimits
+
+    near = None if value.nearest_m is None else value.nearest_m + value.margin_m
+    far = None if value.farthest_m is None else value.farthest_m - value.margin_m
+    yield RangeLimits(
+        problem.vehicle.position_dimension, near, far, value.confidence, foresee=value.spread == "forecast"
     )
-    depth: DepthLimit | None = key(None, "Seabed and surface, in space.", "null, or a mapping with lowest_m, highest_m")
-    speed: Positive | None = key(None, "Largest speed in m/s.", "null, or a number > 0")
-    yaw_rate_deg: Positive | None = key(None, "Largest yaw rate in degrees a second.", "null, or a number > 0")
-    bow_angle_deg: float | None = key(
-        None,
-        "Largest angle between bow and expected target in degrees.",
-        "null, or a number in (0, 180)",
-        gt=0.0,
-        lt=180,
-    )
-    hard: Annotated[tuple[LimitName, ...], BeforeValidator(as_tuples)] = key(
-        (),
-        "Which of them are imposed exactly; the others are penalised.",
-        "a list of range, keep_out, depth, speed, yaw_rate, bow_angle",
-    )
-    weight: Positive = key(100.0, "w_p of those that are penalised.", "a number > 0")
-    width: Positive = key(0.01, "ϖ of those that are penalised, in units of the limit.", "a number > 0")
-    nodes: int = key(4, "n_c, intervals a piece at which they are imposed.", "a whole number >= 1", ge=1)
+
+
+@limit(
+    "keep_out",
+    "keep_out",
+    Annotated[tuple[KeepOutZone, ...], BeforeValidator(as_tuples)],
+    key((), "Zones to stay out of.", "a list of mappings, each with centre_m and radius_m, or with corners_m"),
+)
+def _keep_out(value: tuple[KeepOutZone, ...], problem: TrajectoryProblem) -> Iterator[Constraint]:
+    from gbt_ocp.ocp import KeepOut, KeepOutPolygon
+
+    for zone in value:
+        if zone.corners_m is not None:
+            yield KeepOutPolygon(zone.corners_m)
+        elif zone.centre_m is not None and zone.radius_m is not None:
+            yield KeepOut(zone.centre_m, zone.radius_m)
+
+
+@limit(
+    "depth",
+    "depth",
+    DepthLimit | None,
+    key(None, "Seabed and surface, in space."),
+)
+def _depth(value: DepthLimit, problem: TrajectoryProblem) -> Iterator[Constraint]:
+    from gbt_ocp.ocp import DepthLimits
+
+    yield DepthLimits(value.lowest_m, value.highest_m)
+
+
+@limit("speed", "speed", Positive | None, key(None, "Largest speed in m/s."))
+def _speed(value: float, problem: TrajectoryProblem) -> Iterator[Constraint]:
+    from gbt_ocp.ocp import SpeedLimit
+
+    yield SpeedLimit(problem.vehicle.position_dimension, value)
+
+
+@limit(
+    "yaw_rate",
+    "yaw_rate_deg",
+    Positive | None,
+    key(None, "Largest yaw rate in degrees a second."),
+)
+def _yaw_rate(value: float, problem: TrajectoryProblem) -> Iterator[Constraint]:
+    from gbt_ocp.ocp import YawRateLimit
+
+    _refuse_without_yaw("yaw_rate_deg", value, problem)
+    yield YawRateLimit(problem.vehicle.position_dimension, math.radians(value))
+
+
+@limit(
+    "bow_angle",
+    "bow_angle_deg",
+    Annotated[float, Field(gt=0.0, lt=180.0)] | None,
+    key(None, "Largest angle between bow and expected target in degrees."),
+)
+def _bow_angle(value: float, problem: TrajectoryProblem) -> Iterator[Constraint]:
+    from gbt_ocp.guidance.target_limits import FieldOfView
+
+    _refuse_without_yaw("bow_angle_deg", value, problem)
+    yield FieldOfView(problem.vehicle.position_dimension, math.radians(value))
+
+
+def _refuse_without_yaw(key: str, value: float, problem: TrajectoryProblem) -> None:
+    if problem.vehicle.flat_dimension <= problem.vehicle.position_dimension:
+        raise ValueError(f"limits.{key}: found {value}; allowed: null, the vehicle's flat output has no yaw")

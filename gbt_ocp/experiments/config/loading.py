@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config import yaml_dialect as dialect
 from gbt_ocp.experiments.config.consistency import extremes, inconsistencies, without_effect
 from gbt_ocp.experiments.config.faults import NOTHING, ConfigurationError, Fault, shown, value_at
-from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.experiments.config.schema import Configuration, is_text
 from gbt_ocp.experiments.config.tracker import TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.validation import faults_of
@@ -57,7 +58,7 @@ _ALTERNATIVES: dict[tuple[str, ...], tuple[str, str]] = {
 
 # Another kind brings other keys; these belong to every kind of their section and stay.
 _SHARED: dict[tuple[str, ...], tuple[str, ...]] = {
-    ("vehicle",): ("start", "follow"),
+    ("vehicle",): ("start", "follow", "follow_bandwidth"),
 }
 
 
@@ -182,7 +183,7 @@ def _written(text: Any, label: str, faults: list[str]) -> dict[str, Any]:
     value = text
     if isinstance(text, str):
         try:
-            value, repeated = dialect.parse(text, label)
+            value, repeated = dialect.parse(text, label, is_text=is_text)
         except dialect.YamlError as fault:
             raise ConfigurationError([str(fault)]) from fault
         faults += repeated
@@ -206,7 +207,7 @@ def _plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
-    return str(value) if isinstance(value, Path) else value
+    return str(value) if isinstance(value, Path | date) else value
 
 
 def _override(line: str, faults: list[str]) -> _Layer | None:
@@ -216,7 +217,7 @@ def _override(line: str, faults: list[str]) -> _Layer | None:
         faults.append(f"--set: found {shown(line)}; allowed: key.path=value")
         return None
     try:
-        value, repeated = dialect.parse(text, f"--set {key}")
+        value, repeated = dialect.parse(text, f"--set {key}", is_text=is_text, at=tuple(parts))
     except dialect.YamlError as fault:
         faults.append(str(fault))
         return None
@@ -325,7 +326,7 @@ def _overlay(base: Mapping[str, Any], above: Mapping[str, Any], path: tuple[str,
 
 
 def _origin(path: tuple[str, ...], layers: Sequence[_Layer], label: str) -> str:
-    """Label of the strongest layer that says anything at the path; the file for defaults and missing keys."""
+    """Label of the strongest layer that has a value at the path; the file for defaults and missing keys."""
     for layer in reversed(layers):
         if value_at(layer.values, path) is not NOTHING:
             return label if layer.label == "defaults" else layer.label

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator
 
 from gbt_ocp.experiments.config.keys import (
     PositionNumbers,
@@ -17,15 +17,15 @@ from gbt_ocp.experiments.config.keys import (
 class CaseTarget(Section):
     """One of the paper's motions (section 5.2)."""
 
-    kind: Literal["case1", "case2", "case4", "case5"] = Field(description="Case of the paper.")
+    kind: Literal["case1", "case2", "case4", "case5"] = key(..., "Case of the paper.")
 
 
 class ManoeuvreTarget(Section):
     """The circling motions of the paper, with abrupt manoeuvres on request (section 5.6, scenario 5)."""
 
-    kind: Literal["case3", "case6"] = Field(description="Case of the paper.")
-    turn_rate_step: float = key(0.0, "Jump of the turn rate in rad/s.", "a number >= 0", ge=0.0)
-    every_s: float = key(10.0, "Time between jumps in s.", "a number > 0", gt=0.0)
+    kind: Literal["case3", "case6"] = key(..., "Case of the paper.")
+    turn_rate_step: float = key(0.0, "Jump of the turn rate in rad/s.", ge=0.0)
+    every_s: float = key(10.0, "Time between jumps in s.", gt=0.0)
 
 
 def _increasing(value: tuple[float, float]) -> tuple[float, float]:
@@ -35,43 +35,38 @@ def _increasing(value: tuple[float, float]) -> tuple[float, float]:
 
 
 class TurningTarget(Section):
-    """A boat whose turn rate is drawn anew every so often."""
+    """A boat whose turn rate is drawn again from time to time."""
 
-    kind: Literal["turning"] = Field(description="Random turns at a steady or slowly varying speed.")
-    start_m: PositionNumbers | None = key(None, "Where it starts, in m; null is the origin.", "null, or {d} numbers")
-    speed: float = key(1.0, "Horizontal speed in m/s; the median where it varies.", "a number > 0", gt=0.0)
-    speed_std: float = key(
-        0.0, "Standard deviation of the logarithm of the speed, correlated over 40 s.", "a number >= 0", ge=0.0
-    )
-    turn_rate_max: float = key(
-        0.05, "Turn rates are uniform within plus and minus this, in rad/s.", "a number >= 0", ge=0.0
-    )
+    kind: Literal["turning"] = key(..., "Random turns at a steady or slowly varying speed.")
+    start_m: PositionNumbers | None = key(None, "Where it starts, in m; null is the origin.")
+    speed: float = key(1.0, "Horizontal speed in m/s; the median where it varies.", gt=0.0)
+    speed_std: float = key(0.0, "Standard deviation of the logarithm of the speed, correlated over 40 s.", ge=0.0)
+    turn_rate_max: float = key(0.05, "Turn rates are uniform within plus and minus this, in rad/s.", ge=0.0)
     hold_s: Annotated[tuple[float, float], BeforeValidator(as_tuples), AfterValidator(_increasing)] = key(
         (20.0, 40.0), "Least and largest time in s for which a turn rate is held.", "two increasing numbers > 0"
     )
-    climb_rate_max: float = key(
-        0.1, "Vertical speeds are uniform within plus and minus this in m/s, in space.", "a number >= 0", ge=0.0
-    )
+    climb_rate_max: float = key(0.1, "Vertical speeds are uniform within plus and minus this in m/s, in space.", ge=0.0)
 
 
 class TrackTarget(Section):
     """A recorded track."""
 
-    kind: Literal["track"] = Field(description="A recorded track.")
-    path: str = Field(
-        description="CSV file with columns t,x,y[,z] (s, m), relative to the YAML file or else to the current folder.",
-        json_schema_extra={"allowed": "an existing CSV file with the columns t,x,y (z in space)"},
+    kind: Literal["track"] = key(..., "A recorded track.")
+    path: str = key(
+        ...,
+        "CSV file with columns t,x,y[,z] (s, m), relative to the YAML file or else to the current folder.",
+        "an existing CSV file with the columns t,x,y (z in space)",
         min_length=1,
     )
-    length_scale: float = key(1.0, "Factor on lengths.", "a number > 0", gt=0.0)
-    time_scale: float = key(1.0, "Factor on times; above 1 is slower.", "a number > 0", gt=0.0)
+    length_scale: float = key(1.0, "Factor on lengths.", gt=0.0)
+    time_scale: float = key(1.0, "Factor on times; above 1 is slower.", gt=0.0)
     start_m: PositionNumbers | None = key(
-        None, "Where the first point used is put, in m; null keeps the scaled coordinates.", "null, or {d} numbers"
+        None, "Where the first point used is put, in m; null keeps the scaled coordinates."
     )
-    start_time_s: float = key(0.0, "Recorded time skipped, in s.", "a number >= 0", ge=0.0)
+    start_time_s: float = key(0.0, "Recorded time skipped, in s.", ge=0.0)
 
 
 class ProblemTarget(Section):
     """The target that the problem module makes."""
 
-    kind: Literal["problem"] = Field(description="The problem module's own target.")
+    kind: Literal["problem"] = key(..., "The problem module's own target.")

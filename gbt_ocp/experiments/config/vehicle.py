@@ -30,20 +30,15 @@ def _inertia_positive(added_mass: tuple[float, ...], info: ValidationInfo) -> tu
 class VehicleParameters(Section):
     """Coefficients of a Fossen model; sequences over surge, sway, (heave,) yaw."""
 
-    mass: float = Field(description="m in kg.", gt=0.0, json_schema_extra={"allowed": "a number > 0"})
-    inertia: float = Field(
-        description="I about the vertical in kg m^2.", gt=0.0, json_schema_extra={"allowed": "a number > 0"}
+    mass: float = key(..., "m in kg.", gt=0.0)
+    inertia: float = key(..., "I about the vertical in kg m^2.", gt=0.0)
+    added_mass: Annotated[InputNumbers, AfterValidator(_inertia_positive)] = key(
+        ...,
+        "Added mass with Fossen's (negative) sign in kg, kg m^2 in yaw.",
+        "{n} numbers, with mass (inertia in yaw) minus each of them > 0",
     )
-    added_mass: Annotated[InputNumbers, AfterValidator(_inertia_positive)] = Field(
-        description="Added mass with Fossen's (negative) sign in kg, kg m^2 in yaw.",
-        json_schema_extra={"allowed": "{n} numbers, with mass (inertia in yaw) minus each of them > 0"},
-    )
-    linear_drag: NotNegativeInputNumbers = Field(
-        description="Linear drag in N s/m, N m s in yaw.", json_schema_extra={"allowed": "{n} numbers >= 0"}
-    )
-    quadratic_drag: NotNegativeInputNumbers = Field(
-        description="Quadratic drag in N s^2/m^2, N m s^2 in yaw.", json_schema_extra={"allowed": "{n} numbers >= 0"}
-    )
+    linear_drag: NotNegativeInputNumbers = key(..., "Linear drag in N s/m, N m s in yaw.")
+    quadratic_drag: NotNegativeInputNumbers = key(..., "Quadratic drag in N s^2/m^2, N m s^2 in yaw.")
 
 
 def _own_or_named(value: Any) -> str:
@@ -53,44 +48,52 @@ def _own_or_named(value: Any) -> str:
 class Start(Section):
     """Where the vehicle starts, at rest."""
 
-    position_m: PositionNumbers | None = key(
-        None, "Position in m; null draws it uniformly from the box.", "null, or {d} numbers"
-    )
-    range_m: Positive | None = key(
-        None, "Distance in m from where the target starts, in a random direction, instead.", "null, or a number > 0"
-    )
-    box_m: float = key(5.0, "Half side of the box around the origin in m.", "a number >= 0", ge=0.0)
-    yaw_deg: float = key(0.0, "Yaw in degrees, counter-clockwise from +x.", "a number")
+    position_m: PositionNumbers | None = key(None, "Position in m; null draws it uniformly from the box.")
+    range_m: Positive | None = key(None, "Distance in m from where the target starts, in a random direction, instead.")
+    box_m: float = key(5.0, "Half side of the box around the origin in m.", ge=0.0)
+    yaw_deg: float = key(0.0, "Yaw in degrees, counter-clockwise from +x.")
+
+
+Follow = Literal["exact", "dynamics", "feedback"]
+
+# what vehicles of both kinds have in common, declared once
+_START = Field(default_factory=Start, description="Initial state.")
+_FOLLOW = key(
+    "exact",
+    "Follow the flat output exactly, integrate the dynamics under the planned thrust, or do that with feedback.",
+)
+_BANDWIDTH = key(
+    None,
+    "Bandwidth of the feedback in rad/s; null is the follower's own, 2 rad/s.",
+    "null, or a number in (0, 50] with vehicle.follow = feedback",
+    gt=0.0,
+    le=50.0,
+)
 
 
 class FossenVehicle(Section):
     """A Fossen model, 3-DOF in the plane and 4-DOF in space."""
 
-    kind: Literal["fossen"] = Field(description="Fossen's equations.")
+    kind: Literal["fossen"] = key(..., "Fossen's equations.")
     parameters: Annotated[
         Annotated[Literal["falcon"], Tag("named")] | Annotated[VehicleParameters, Tag("own")],
         Discriminator(_own_or_named),
     ] = key(
         "falcon",
         "Coefficients.",
-        "falcon, or a mapping with mass, inertia, added_mass, linear_drag, quadratic_drag",
     )
     thrust_max: PositiveInputNumbers = key(
-        (5000.0, 5000.0, 1500.0),
-        "τ_max: N on each axis, then the yaw moment in N m (default 5000 N and 1500 N m).",
-        "{n} numbers > 0",
+        (5000.0, 5000.0, 1500.0), "τ_max: N on each axis, then the yaw moment in N m (default 5000 N and 1500 N m)."
     )
-    start: Start = Field(default_factory=Start, description="Initial state.")
-    follow: Literal["exact", "dynamics"] = key(
-        "exact", "Follow the flat output exactly, or integrate the model under the planned thrust.", "exact, dynamics"
-    )
+    start: Start = _START
+    follow: Follow = _FOLLOW
+    follow_bandwidth: float | None = _BANDWIDTH
 
 
 class ProblemVehicle(Section):
     """The vehicle that the problem module makes."""
 
-    kind: Literal["problem"] = Field(description="The problem module's own vehicle.")
-    start: Start = Field(default_factory=Start, description="Initial state.")
-    follow: Literal["exact", "dynamics"] = key(
-        "exact", "Follow the flat output exactly, or integrate the model under the planned thrust.", "exact, dynamics"
-    )
+    kind: Literal["problem"] = key(..., "The problem module's own vehicle.")
+    start: Start = _START
+    follow: Follow = _FOLLOW
+    follow_bandwidth: float | None = _BANDWIDTH

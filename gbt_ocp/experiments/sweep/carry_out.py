@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing, nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -17,12 +16,13 @@ from tqdm import tqdm
 
 from gbt_ocp.experiments.config.faults import ConfigurationError, shown
 from gbt_ocp.experiments.config.schema import Configuration
-from gbt_ocp.experiments.sweep.checks import remove_damaged
-from gbt_ocp.experiments.sweep.engines import Cluster, Engine, Processes, WorkerDiedError, make_engine
+from gbt_ocp.experiments.sweep.checks import check_run
+from gbt_ocp.experiments.sweep.engines import Cluster, Engine, make_engine
 from gbt_ocp.experiments.sweep.execution import ARRAYS, execute, record_lost
 from gbt_ocp.experiments.sweep.plan import Overrides, PlannedRun, SweepPlan, plan_sweep
 from gbt_ocp.experiments.sweep.table import Row, row_of, write_table
-from gbt_ocp.files import PARTIAL, FolderBusyError, alone_in, read_arrays, whole_folder
+from gbt_ocp.experiments.sweep.task_folder import TaskFolder, at_work_in, free_name
+from gbt_ocp.files import read_arrays, whole_folder
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.typing import Array
 
@@ -162,7 +162,8 @@ def sweep(
             plan = resumed_plan(folder, plan)
         else:
             assert plan is not None
-            folder = Path(out) if out is not None else _new_folder(plan)
+            default = Path("runs") / f"sweep-{plan.variants[0].configuration.name}"
+            folder = Path(out) if out is not None else free_name(default)
             begin(folder, plan)
         return carry_out(plan, folder, engine, progress=progress)
 
@@ -254,46 +255,39 @@ def carry_out(plan: SweepPlan, folder: Path, engine: Engine, *, progress: bool =
     SweepInterrupted
         If Ctrl-C was pressed; the table holds what is finished.
     ConfigurationError
-        If another process is at work in the folder, or the workers of a cluster do not see it.
+        If another process is at work in the folder, it cannot be read or written, or the workers of a cluster do not
+        see it.
     """
     own = Path(os.path.abspath(folder)) / RUNS  # a worker may run elsewhere
     runs = list(plan.runs())
+    tasks = TaskFolder[PlannedRun](
+        place=lambda run: own / run.identifier,
+        check=partial(check_run, plan=plan, folder=own),
+        work=partial(execute, folder=own, histories=plan.histories, arrays=plan.arrays),
+        lost=partial(record_lost, folder=own),
+    )
     try:
-        with alone_in(folder):
-            _carry_out(plan, runs, own, engine, progress, title)
-            for entry in _abandoned(own):
-                shutil.rmtree(entry, ignore_errors=True)
-            for entry in folder.glob(f".*{PARTIAL}*"):  # tables that were being written
-                entry.unlink()
+        with at_work_in(folder, f"--resume {folder}"):
+            _carry_out(tasks, runs, engine, progress, title)
             return collect(plan, folder)
     except KeyboardInterrupt:
         with suppress(ValueError, OSError):  # a damaged run that was not found yet, a full disk
             collect(plan, folder)
         finished = sum((own / run.identifier).is_dir() for run in runs)
         raise SweepInterrupted(folder, finished, len(plan)) from None
-    except FolderBusyError as fault:
-        raise ConfigurationError([str(fault)]) from None
-    except OSError as fault:
-        raise ConfigurationError(
-            [f"{folder}: cannot be written ({fault}); free space or rights, then --resume {folder}"]
-        ) from fault
 
 
-def _carry_out(plan: SweepPlan, runs: list[PlannedRun], own: Path, engine: Engine, progress: bool, title: str) -> None:
-    remove_damaged(runs, plan, own)
-    pending = [run for run in runs if not (own / run.identifier).is_dir()]
-    job = partial(execute, folder=own, histories=plan.histories, arrays=plan.arrays)
+def _carry_out(
+    tasks: TaskFolder[PlannedRun], runs: Sequence[PlannedRun], engine: Engine, progress: bool, title: str
+) -> None:
+    pending = tasks.pending(runs)
     with tqdm(
         total=len(runs), initial=len(runs) - len(pending), disable=not progress, file=sys.stderr, unit="run", desc=title
     ) as bar:
         failures = 0
         # closed at once when it is interrupted: its workers have the same folder
-        with closing(_finished(engine, pending, job, own)) as finished:
-            for run, succeeded in finished:
-                if not (own / run.identifier).is_dir():
-                    raise ConfigurationError(
-                        [f"--dask: found workers that do not see {own}; allowed: workers that share this folder"]
-                    )
+        with closing(tasks.carried_out(pending, engine)) as finished:
+            for _, succeeded in finished:
                 failures += not succeeded
                 if failures:
                     bar.set_postfix_str(f"{failures} failed", refresh=False)
@@ -302,45 +296,7 @@ def _carry_out(plan: SweepPlan, runs: list[PlannedRun], own: Path, engine: Engin
 
 def collect(plan: SweepPlan, folder: Path) -> Sweep:
     """Read the folders of the runs that are finished, and write the table."""
-    own = folder / RUNS
-    rows = [row_of(run, own) for run in plan.runs() if (own / run.identifier).is_dir()]
+    own, varied = folder / RUNS, plan.varied
+    rows = [row_of(run, own, varied) for run in plan.runs() if (own / run.identifier).is_dir()]
     write_table(folder, rows)
     return Sweep(folder, plan, rows)
-
-
-def _finished(
-    engine: Engine, pending: list[PlannedRun], job: Callable[[PlannedRun], bool], own: Path
-) -> Generator[tuple[PlannedRun, bool]]:
-    """Runs as they finish. Those during which a worker died are tried again, each in a process of its own."""
-    while pending:
-        try:
-            yield from engine.map(job, pending)
-            return
-        except WorkerDiedError:
-            pending = [run for run in pending if not (own / run.identifier).is_dir()]
-            # What a run had begun is left by the process that died, or that was ended with it.
-            suspects = [run for run in pending if _abandoned(own, run)]
-            if not suspects:
-                raise
-        for run in suspects:
-            try:
-                yield from Processes(2).map(job, [run])
-            except WorkerDiedError:
-                record_lost(run, own)
-                yield run, False
-        pending = [run for run in pending if run not in suspects]
-
-
-def _abandoned(own: Path, run: PlannedRun | None = None) -> list[Path]:
-    """Temporary folders of a run, or of all runs, after the processes that made them are gone."""
-    prefix = f".{'' if run is None else run.identifier}"
-    return [entry for entry in own.iterdir() if entry.name.startswith(prefix) and PARTIAL in entry.name]
-
-
-def _new_folder(plan: SweepPlan) -> Path:
-    base = f"sweep-{plan.variants[0].configuration.name}"
-    folder, count = Path("runs") / base, 1
-    while folder.exists():
-        count += 1
-        folder = Path("runs") / f"{base}-{count}"
-    return folder

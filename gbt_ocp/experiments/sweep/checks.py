@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 
-from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.sweep.execution import ARRAYS
 from gbt_ocp.experiments.sweep.plan import PlannedRun, SweepPlan
 from gbt_ocp.experiments.sweep.table import row_of
@@ -28,7 +24,7 @@ def check_run(run: PlannedRun, plan: SweepPlan, folder: Path) -> None:
         If something is missing or damaged, with the name of the file.
     """
     own = folder / run.identifier
-    row = row_of(run, folder)
+    row = row_of(run, folder, plan.varied)
     path = own / run_folder.CONFIGURATION
     # A newer version may write out more defaults in a section than the one that ran it: only the run must be the same.
     if path.read_bytes() != run.configuration.to_yaml().encode():
@@ -57,25 +53,3 @@ def check_run(run: PlannedRun, plan: SweepPlan, folder: Path) -> None:
         words = [name for name, array in arrays.items() if array.dtype.kind not in "fiub" and name not in TEXT]
         if words:
             raise ValueError(f"{own / ARRAYS}: found text in {', '.join(words)}; allowed: numbers")
-
-
-def remove_damaged(runs: Sequence[PlannedRun], plan: SweepPlan, folder: Path) -> None:
-    """Remove run folders that are not what they should be, and say so: whoever wrote them is not to be trusted.
-
-    Raises
-    ------
-    ConfigurationError
-        If one cannot be read or removed.
-    """
-    for run in runs:
-        own = folder / run.identifier
-        if not own.is_dir():
-            continue
-        try:
-            try:
-                check_run(run, plan, folder)
-            except (ValueError, FileNotFoundError, IsADirectoryError, NotADirectoryError) as fault:
-                print(f"{own}: damaged ({fault}); it is run again", file=sys.stderr)
-                shutil.rmtree(own)
-        except OSError as fault:
-            raise ConfigurationError([f"{own}: {fault}; allowed: a folder that can be read and written"]) from fault

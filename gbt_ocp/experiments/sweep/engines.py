@@ -1,6 +1,10 @@
-"""Who carries out the runs: this process, processes of this machine (joblib), or a cluster (dask.distributed).
+"""Where tasks are carried out: in this process, in processes of this machine, or on a cluster (dask.distributed).
 
-An engine maps a function over jobs and yields each job with what became of it, in the order in which they finish.
+An engine maps a function over jobs and yields each job with its result, in the order in which they finish.
+
+No worker imports from the folder that the command was given in: Python puts that folder first on the path of a process
+that it starts with ``-m`` or ``-c``, as process pools do, and a ``numpy.py`` there would be executed.
+``PYTHONSAFEPATH`` leaves it out.
 """
 
 from __future__ import annotations
@@ -10,6 +14,7 @@ import signal
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import as_completed
 from contextlib import contextmanager
 from typing import Any, Protocol, TypeVar
 
@@ -17,9 +22,24 @@ from tqdm import tqdm
 
 Job = TypeVar("Job")
 
+SAFE_PATH = {"PYTHONSAFEPATH": "1"}
+"""Environment of workers: the current folder is not on their path while they are started."""
+
+ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "NUMBA", "NUMEXPR")} | {
+    "VECLIB_MAXIMUM_THREADS": "1"
+}
+"""Environment of workers: there are as many of them as cores."""
+
+IDLE_S = 300.0
+"""Time after which workers without work end. Until then another sweep of the same process takes them over."""
+
 
 class WorkerDiedError(RuntimeError):
     """A worker process died; jobs that were not yielded are not done."""
+
+
+class NoWorkersError(WorkerDiedError):
+    """No worker process can be started at all; no job is done."""
 
 
 class Engine(Protocol):
@@ -45,12 +65,12 @@ class Serial:
 
 
 class Processes:
-    """Processes of this machine, through joblib; BLAS and OpenMP get one thread in each.
+    """Processes of this machine, from loky (the pool of joblib); BLAS and OpenMP get one thread in each.
 
     Parameters
     ----------
     count
-        How many, at least two.
+        Number of processes.
     """
 
     def __init__(self, count: int) -> None:
@@ -58,42 +78,53 @@ class Processes:
 
     def map(self, function: Callable[[Job], bool], jobs: Sequence[Job]) -> Iterator[tuple[Job, bool]]:
         """See :class:`Engine`."""
-        from joblib import Parallel, delayed, parallel_config
-        from joblib.externals.loky.process_executor import TerminatedWorkerError
+        with _quiet():
+            from joblib.externals.loky import BrokenProcessPool, get_reusable_executor
 
-        with parallel_config(backend="loky", inner_max_num_threads=1):
-            # One job a task: runs take seconds, and a batch would be lost whole. With a count of one, joblib would
-            # take this process.
-            parallel = Parallel(n_jobs=max(2, self._count), return_as="generator_unordered", batch_size=1)
-            home = os.getpid()
-            done: Any = None
+        home = os.getpid()
+        executor = None
+        try:
             try:
-                with _interrupts_held():
-                    done = parallel(delayed(_numbered)(function, index, job, home) for index, job in enumerate(jobs))
-                for index, result in done:
-                    yield jobs[index], result
-            except TerminatedWorkerError as fault:
-                raise WorkerDiedError(str(fault).partition("\n")[0]) from fault
-            except (GeneratorExit, KeyboardInterrupt):  # nobody wants the rest: joblib need not say that it ends it
-                if done is not None:
-                    with warnings.catch_warnings():
-                        warnings.simplefilter("ignore")
-                        done.close()
-                raise
+                with _starting():
+                    executor = get_reusable_executor(
+                        self._count, timeout=IDLE_S, initializer=_prepare, env=SAFE_PATH | ONE_THREAD
+                    )
+                    # One job a task: a job takes seconds, and the jobs of a batch would be lost together.
+                    waiting = {executor.submit(_carried_out, function, job, home): job for job in jobs}
+            except (ImportError, OSError) as fault:  # no semaphores: shared memory is missing, full or read-only
+                raise NoWorkersError(_short(fault)) from fault
+            for future in as_completed(waiting):
+                yield waiting[future], future.result()
+        except BrokenProcessPool as fault:
+            raise WorkerDiedError(_short(fault)) from fault
+        except BaseException:  # also of the caller, who wants no more results
+            if executor is not None:
+                executor.shutdown(kill_workers=True)
+            raise
 
 
 @contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Workers that are started in here never hear Ctrl-C: their parent ends them, and has the word.
+def _quiet() -> Iterator[None]:
+    """Joblib warns when it is imported where there are no semaphores; :class:`Processes` answers that in one line."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
-    Ctrl-C goes to all processes of a terminal. One that is being loaded would answer with a traceback.
+
+@contextmanager
+def _starting() -> Iterator[None]:
+    """Workers that are started in this block never receive Ctrl-C: their parent answers it, and ends them.
+
+    Ctrl-C goes to all processes of a terminal. A worker that is being loaded would answer with a traceback.
     """
+    from joblib.externals.loky.backend import resource_tracker
+
+    _start_tracker()
+    with _environment(SAFE_PATH):
+        resource_tracker.ensure_running()  # before the signals are blocked: it unblocks them, like the other one
     if os.name != "posix" or threading.current_thread() is not threading.main_thread():
         yield
         return
-    from joblib.externals.loky.backend import resource_tracker
-
-    resource_tracker.ensure_running()  # it would let go of what is held
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -101,16 +132,53 @@ def _interrupts_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _numbered(function: Callable[[Any], bool], index: int, job: Any, home: int) -> tuple[int, bool]:
-    if os.name == "posix" and os.getppid() != home:  # killed: nobody waits for this, and who resumes would run it too
-        os._exit(1)
+def _start_tracker() -> None:
+    """Start the process with which Python clears up semaphores: with a safe path, as workers are.
+
+    Raises
+    ------
+    OSError
+        If there are no semaphores.
+    """
+    from multiprocessing import get_context
+
+    with _environment(SAFE_PATH):
+        get_context("spawn").Lock()
+
+
+@contextmanager
+def _environment(values: dict[str, str]) -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _prepare() -> None:
+    """Prepare a worker, also one that is started later in place of another."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Progress bars share a lock between processes, a semaphore that an interrupted worker would leave behind.
     tqdm.set_lock(threading.RLock())
-    return index, function(job)
+
+
+def _carried_out(function: Callable[[Any], bool], job: Any, home: int) -> bool:
+    if os.name == "posix" and os.getppid() != home:  # the parent was killed, and whoever resumes carries this out too
+        os._exit(1)
+    return function(job)
+
+
+def _short(fault: BaseException) -> str:
+    return str(fault).partition("\n")[0].partition(". ")[0]
 
 
 class Cluster:
-    """Workers of a dask.distributed scheduler; they must see the sweep folder under the same path.
+    """Workers of a dask.distributed scheduler; they must see the folder of the tasks under the same path.
 
     Parameters
     ----------
@@ -120,11 +188,12 @@ class Cluster:
     Raises
     ------
     ValueError
-        If dask is not installed or nobody answers at the address.
+        If dask is not installed or no scheduler answers at the address.
     """
 
     def __init__(self, address: str) -> None:
         try:
+            import dask
             from distributed import Client, LocalCluster
         except ImportError as fault:
             raise ValueError(
@@ -132,7 +201,11 @@ class Cluster:
             ) from fault
         self._local: Any = None
         if address == "local":
-            self._local = LocalCluster(threads_per_worker=1, dashboard_address=None)
+            _start_tracker()
+            # beside the variables that dask sets itself, such as one thread for BLAS
+            path = "distributed.nanny.pre-spawn-environ"
+            with dask.config.set({f"{path}.{name}": value for name, value in SAFE_PATH.items()}):
+                self._local = LocalCluster(threads_per_worker=1, dashboard_address=None)
         try:
             self._client: Any = Client(self._local or address, timeout="10s")
         except (OSError, ValueError) as fault:
@@ -142,13 +215,14 @@ class Cluster:
 
     def map(self, function: Callable[[Job], bool], jobs: Sequence[Job]) -> Iterator[tuple[Job, bool]]:
         """See :class:`Engine`."""
-        from distributed import KilledWorker, as_completed
+        from distributed import KilledWorker
+        from distributed import as_completed as completed
 
         # pure=False: the key of a job must not be that of an equal job of another sweep.
         waiting = {self._client.submit(function, job, pure=False): job for job in jobs}
         died = 0
         try:
-            for future in as_completed(waiting):
+            for future in completed(waiting):
                 try:
                     yield waiting[future], future.result()
                 except KilledWorker:
@@ -159,13 +233,13 @@ class Cluster:
             raise WorkerDiedError(f"{died} jobs took their workers down")
 
     def close(self) -> None:
-        """Leave the cluster, and end it if it is ours."""
+        """Leave the cluster, and end it if it was started here."""
         self._client.close()
         if self._local is not None:
             self._local.close()
 
 
-def make_engine(jobs: int | None, dask: str | None) -> Serial | Processes | Cluster:
+def make_engine(jobs: int | None, dask: str | None = None) -> Serial | Processes | Cluster:
     """The engine that was asked for: by default, processes on all cores.
 
     Raises
@@ -176,7 +250,8 @@ def make_engine(jobs: int | None, dask: str | None) -> Serial | Processes | Clus
     if dask is not None:
         return Cluster(dask)
     if jobs is None:
-        from joblib import cpu_count
+        with _quiet():
+            from joblib.externals.loky import cpu_count
 
         jobs = cpu_count()
     return Serial() if jobs == 1 else Processes(jobs)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from gbt_ocp.experiments.sweep.execution import FAILURE
 from gbt_ocp.experiments.sweep.plan import PlannedRun
-from gbt_ocp.files import PARTIAL
+from gbt_ocp.files import whole_file
 from gbt_ocp.simulation import run_folder
 
 TABLE = "runs.csv"
@@ -40,15 +38,25 @@ def flattened(mapping: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[st
             yield f"{prefix}{key}", value
 
 
-def row_of(run: PlannedRun, folder: Path) -> Row:
-    """Row of a finished run: its number, status, error, seed, overrides, and every key of its summary.
+def row_of(run: PlannedRun, folder: Path, varied: Iterable[str]) -> Row:
+    """Row of a finished run: its number, status, error and seed, what varies, and every key of its summary.
+
+    Parameters
+    ----------
+    run
+        The run.
+    folder
+        Where the folders of all runs lie.
+    varied
+        Keys that any variant of the sweep replaces; ``None`` where this run's variant leaves one as it is.
 
     Raises
     ------
     ValueError
         If the run folder is damaged.
     """
-    row: Row = {"run": run.number, "status": "done", "error": None, "seed": run.seed, **run.variant.overrides}
+    row: Row = {"run": run.number, "status": "done", "error": None, "seed": run.seed}
+    row |= {key: run.variant.overrides.get(key) for key in varied}
     own = folder / run.identifier
     failure = own / FAILURE
     if failure.is_file():
@@ -70,12 +78,12 @@ def _error_of(path: Path) -> str:
 
 
 def write_table(folder: Path, rows: Sequence[Row]) -> None:
-    """Write ``runs.csv``, and ``runs.parquet`` where pyarrow is installed; each appears whole.
+    """Write ``runs.csv``, and ``runs.parquet`` where pyarrow is installed.
 
-    Empty cells are what does not exist; a list is written as JSON. A column exists if any run has it.
+    A column exists if any run has it; a cell without a value is empty, and a list is written as JSON.
     """
     columns = list(dict.fromkeys(key for row in rows for key in row))
-    with _whole_file(folder / TABLE) as path, path.open("w", newline="", encoding="utf-8") as stream:
+    with whole_file(folder / TABLE) as path, path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows([_cell(row.get(key)) for key in columns] for row in rows)
@@ -85,18 +93,8 @@ def write_table(folder: Path, rows: Sequence[Row]) -> None:
     except ImportError:
         return
     arrays = {key: _column([row.get(key) for row in rows]) for key in columns}
-    with _whole_file(folder / PARQUET) as path:
+    with whole_file(folder / PARQUET) as path:
         pyarrow.parquet.write_table(pyarrow.table(arrays), path)
-
-
-@contextmanager
-def _whole_file(target: Path) -> Iterator[Path]:
-    temporary = target.with_name(f".{target.name}{PARTIAL}{os.getpid()}")
-    try:
-        yield temporary
-        os.replace(temporary, target)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _cell(value: Any) -> Any:

@@ -7,12 +7,24 @@ has no use for and that does not compile without warnings. Only the body is kept
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cache
 
 import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gbt_ocp.files import packaged_text
 
 ARGUMENTS = 3
 """Every C function takes as many inputs, so that all have one type."""
+
+
+CONSTANTS = {"casadi_inf": "(gbt_real)INFINITY", "casadi_nan": "(gbt_real)NAN"}
+"""CasADi's names for what C99 writes differently."""
+
+_NUMBER = re.compile(r"(?<![\w.])(?:\d+\.\d*|\.\d+|\d+(?=[eE]))(?:[eE][+-]?\d+)?")
+"""Constants that C takes for double precision."""
 
 
 class NotGenerableError(ValueError):
@@ -30,45 +42,100 @@ def c_source(functions: Sequence[ca.Function]) -> str:
     Raises
     ------
     NotGenerableError
-        If an expression has no form in C that needs nothing but libm.
+        If an expression has no form in C that needs nothing but libm, or this version of CasADi writes code that is
+        not understood.
     """
     generator = ca.CodeGenerator(
         "expressions.c", {"casadi_real": "gbt_real", "casadi_int": "int", "with_export": False, "include_math": False}
     )
-    for function in functions:
-        generator.add(function)
-    text = generator.dump()
-    parts = [_operators(text)]
-    for function in functions:
-        parts.append(("" if function.name().startswith("gbt_") else "static ") + _definition(text, function))
-    return "\n".join(part for part in parts if part)
+    try:
+        for function in functions:
+            generator.add(function)
+        text = generator.dump()
+    except RuntimeError as fault:
+        raise NotGenerableError(f"cannot be generated as C: {str(fault).strip().splitlines()[-1]}") from fault
+    operators = _operators(text)
+    bodies = [_body(text, function.name()) for function in functions]
+    for function, body in zip(functions, bodies, strict=True):
+        _refuse_unknown(function.name(), body, operators)
+    parts = [_plain(definition) for definition in operators.values()]
+    parts += [_definition(function.name(), body) for function, body in zip(functions, bodies, strict=True)]
+    return "\n".join(parts)
 
 
-def _operators(text: str) -> str:
-    """CasADi's C for operators that libm does not have, such as the square."""
-    block = text[: text.index("/* Configuration this file")]
-    found = re.findall(r"^(?:casadi_real|casadi_int|static) [^;{}]*\{.*?\}$", block, flags=re.MULTILINE | re.DOTALL)
-    return "\n".join(_plain(f"static {entry}" if not entry.startswith("static") else entry) for entry in found)
+def _operators(text: str) -> dict[str, str]:
+    """CasADi's C for operators that libm does not have, such as the square, by name."""
+    names = re.findall(r"^#define (casadi_\w+) CASADI_PREFIX", text, flags=re.MULTILINE)
+    definition = re.compile(r"^casadi_real (casadi_\w+)\([^;{}]*\) \{.*?\}$", flags=re.MULTILINE | re.DOTALL)
+    return {found[1]: f"static {found[0]}" for found in definition.finditer(text) if found[1] in names}
 
 
-def _definition(text: str, function: ca.Function) -> str:
-    name = function.name()
+def _body(text: str, name: str) -> str:
+    """The statements of a function, on the inputs x0, x1, … and the output ``out``."""
     # The published function only calls the numbered one that holds the body.
-    number = re.search(rf"^(?:\w+ )*{name}\(const casadi_real\*\*.*\n\s*return (casadi_f\d+)\(", text, re.MULTILINE)
-    if number is None:
-        raise NotGenerableError(f"CasADi generated no C code for {name}")
-    start = text.index(f"static int {number.group(1)}(")
-    body = text[text.index("{", start) + 1 : text.index("\n}", start)]
-    body = re.sub(r"arg\[(\d+)\]\? arg\[\1\]\[(\d+)\] : 0", r"x\1[\2]", body)
+    call = re.search(rf"^(?:\w+ )*{name}\(const casadi_real\*\*.*\n\s*return (casadi_f\d+)\(", text, re.MULTILINE)
+    numbered = call and rf"^static int {call[1]}\([^;{{]*\) \{{(.*?)\n\}}"
+    found = numbered and re.search(numbered, text, re.MULTILINE | re.DOTALL)
+    if not found:
+        version = ca.CasadiMeta.version()
+        raise NotGenerableError(f"{name} cannot be generated as C: the code of CasADi {version} is not understood")
+    body = re.sub(r"arg\[(\d+)\]\? arg\[\1\]\[(\d+)\] : 0", r"x\1[\2]", found[1])
     body = re.sub(r"if \(res\[0\]!=0\) res\[0\]\[(\d+)\]", r"out[\1]", body)
-    body = body.replace("  return 0;", "")
-    if re.search(r"\b(arg|res|iw|w|mem)\b|casadi_s\d", body):
-        raise NotGenerableError(f"{name} cannot be generated as C: it calls functions of its own")
+    return body.replace("  return 0;", "")
+
+
+def _refuse_unknown(name: str, body: str, operators: Mapping[str, str]) -> None:
+    """Raise if a function uses anything but its variables, the operators and libm."""
+    used = set(re.findall(r"(?<![\w.])[A-Za-z_]\w*", body))
+    for operator in operators:
+        if operator in used:
+            used |= set(re.findall(r"\b(\w+)\(", operators[operator]))
+    variables = {word for word in used if re.fullmatch(r"a\d+|x\d|out|casadi_real", word)}
+    unknown = sorted(used - variables - set(operators) - set(CONSTANTS) - _libm())
+    if unknown:
+        raise NotGenerableError(
+            f"{name} cannot be generated as C: found {', '.join(unknown)}; allowed: what C99 and its libm have"
+        )
+
+
+def _definition(name: str, body: str) -> str:
     inputs = [f"x{i}" for i in range(ARGUMENTS)]
-    idle = "".join(f"  (void){x};\n" for x in inputs if not re.search(rf"\b{x}\[", body))
+    idle = "".join(f"  (void){x};\n" for x in (*inputs, "out") if not re.search(rf"\b{x}\[", body))
     arguments = ", ".join(f"const gbt_real *{x}" for x in inputs)
-    return f"void {name}({arguments}, gbt_real *out)\n{{{_plain(body).rstrip()}\n{idle}}}\n"
+    kind = "" if name.startswith("gbt_") else "static "
+    return f"{kind}void {name}({arguments}, gbt_real *out)\n{{{_plain(body).rstrip()}\n{idle}}}\n"
 
 
 def _plain(text: str) -> str:
-    return text.replace("casadi_real", "gbt_real").replace("casadi_int", "int")
+    for name, value in CONSTANTS.items():
+        text = re.sub(rf"\b{name}\b", value, text)
+    text = text.replace("casadi_real", "gbt_real").replace("casadi_int", "int")
+    return _NUMBER.sub(r"(gbt_real)\g<0>", _math().sub(r"gbt_\1(", text))
+
+
+@cache
+def _math() -> re.Pattern[str]:
+    """Calls of the functions of libm."""
+    return re.compile(rf"\b({'|'.join(sorted(_libm()))})\(")
+
+
+@cache
+def _libm() -> frozenset[str]:
+    """Functions of C99's libm that generated code may call: those that the kernel has in the planner's precision."""
+    header = packaged_text("gbt_ocp.ocp", "kernel", "gbt_math.h")
+    return frozenset(re.findall(r"#define gbt_(\w+) GBT_IN_PRECISION", header))
+
+
+def c_array(kind: str, name: str, values: ArrayLike, *, const: str = "static const") -> str:
+    """Definition of a constant array with one or two dimensions."""
+    found = np.asarray(values)
+    # C has no empty arrays: one zero stands for it, which is not read.
+    rows = found.reshape(-1, found.shape[-1]) if found.size else np.zeros((1, 1), dtype=int)
+    shape = f"[{len(rows)}][{rows.shape[1]}]" if found.ndim == 2 else f"[{rows.size}]"
+    blocks = []
+    for row in rows:
+        entries = [repr(value) for value in row.tolist()]
+        lines = [", ".join(entries[k : k + 12]) for k in range(0, len(entries), 12)]
+        blocks.append("    " + ",\n    ".join(lines))
+    body = "{\n" + "},\n{\n".join(blocks) + "}" if found.ndim == 2 else "\n" + blocks[0]
+    return f"{const} {kind} {name}{shape} = {{{body}}};\n"

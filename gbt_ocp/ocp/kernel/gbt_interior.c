@@ -4,8 +4,7 @@
    solved: each iterate can be executed and judged, and there is need for neither a filter nor a restoration phase. */
 #include "gbt_interior.h"
 
-#include <tgmath.h>
-
+#include "gbt_math.h"
 #include "gbt_pieces.h"
 #include "gbt_riccati.h"
 #include "gbt_slacks.h"
@@ -17,7 +16,7 @@
 #define NEAR_ENOUGH ((gbt_real)20)     /* error over mu at which mu is lowered */
 #define DELTA_FIRST ((gbt_real)1e-5)    /* first regularisation of an indefinite Hessian */
 #define DELTA_LAST ((gbt_real)1e12)
-#define ESCALATION ((gbt_real)100)      /* of the weight of hard limits that a solution violates */
+#define ESCALATION ((gbt_real)100)      /* of the weight of thrust limits that a solution violates */
 #define HEAVIEST ((gbt_real)1e7)
 
 int gbt_all_finite(const gbt_real *x, int count)
@@ -27,32 +26,39 @@ int gbt_all_finite(const gbt_real *x, int count)
     return 1;
 }
 
-void gbt_weigh_limits(gbt_workspace *work, gbt_real limit_weight)
+void gbt_weigh_limits(gbt_workspace *work, gbt_real thrust, gbt_real others)
 {
     gbt_real *c = work->c, *width = work->width;
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
+        const gbt_real hard = limit->kind == GBT_THRUST ? thrust : others;
         for (int k = limit->first; k <= limit->intervals; k++) {
             /* the trapezoidal rule of the penalty */
             const gbt_real node = k == 0 || k == limit->intervals ? (gbt_real)0.5 : 1;
             for (int i = 0; i < work->pieces; i++)
                 for (int r = 0; r < limit->sides; r++) {
-                    *c++ = limit->hard ? limit_weight : node * limit->weight[r];
-                    *width++ = limit->hard ? 0 : limit->width[r];
+                    *c++ = (limit->hard ? hard : node) * limit->weight[r];
+                    *width++ = limit->width[r];
                 }
         }
     }
 }
 
-gbt_real gbt_worst_side(const gbt_workspace *work, int hard_only)
+static int belongs(const gbt_limit *limit, gbt_which which)
+{
+    if (which == GBT_ALL) return 1;
+    return limit->hard && (limit->kind == GBT_THRUST) == (which == GBT_HARD_THRUST);
+}
+
+gbt_real gbt_worst_side(const gbt_workspace *work, gbt_which which)
 {
     const gbt_real *y = work->y;
-    gbt_real worst = -HUGE_VAL;
+    gbt_real worst = -GBT_INFINITY;
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
         const int count = (limit->intervals - limit->first + 1) * work->pieces * limit->sides;
         for (int k = 0; k < count; k++)
-            if ((limit->hard || !hard_only) && y[k] > worst) worst = y[k];
+            if (belongs(limit, which) && y[k] > worst) worst = y[k];
         y += count;
     }
     return worst;
@@ -75,7 +81,7 @@ static gbt_real residual(gbt_workspace *work)
     gbt_adjoint(work->pull, work->pieces, work->push);
     for (int i = 0; i < work->pieces; i++)
         for (int a = 0; a < GBT_FREE; a++) {
-            const gbt_real slope = fabs(work->push[i][a] * gbt_input_scale[a]);
+            const gbt_real slope = gbt_fabs(work->push[i][a] * gbt_input_scale[a]);
             if (!(slope <= worst)) worst = slope;
             if (isnan(worst)) return worst;
         }
@@ -112,7 +118,7 @@ static void find_step(gbt_workspace *work)
     gbt_recover(work);
 }
 
-/* Merit after a step alpha, HUGE_VAL where there is none; leaves work->trial, f_trial and y_trial. */
+/* Merit after a step alpha, GBT_INFINITY where there is none; leaves work->trial, f_trial and y_trial. */
 static gbt_real merit_after(gbt_workspace *work, gbt_real mu, gbt_real alpha)
 {
     gbt_real merit;
@@ -122,7 +128,7 @@ static gbt_real merit_after(gbt_workspace *work, gbt_real mu, gbt_real alpha)
                 work->trial[i][l][j] = work->piece[i][l][j] + alpha * work->step[i][l][j];
     work->f_trial = gbt_evaluate(work, work->trial, work->y_trial);
     merit = work->f_trial + gbt_barrier(work, work->y_trial, mu, alpha);
-    return isfinite(merit) ? merit : HUGE_VAL;
+    return isfinite(merit) ? merit : GBT_INFINITY;
 }
 
 /* The full step, or the full corrected step, or a part of the step that decreases the merit; returns the part, 0 if
@@ -131,10 +137,10 @@ static gbt_real search(gbt_workspace *work, gbt_real mu)
 {
     const gbt_real merit = work->f + gbt_barrier(work, work->y, mu, 0);
     const gbt_real slope = objective_slope(work) + gbt_barrier_slope(work, mu);
-    const gbt_real noise = 10 * GBT_EPSILON * (1 + fabs(merit));
+    const gbt_real noise = 10 * GBT_EPSILON * (1 + gbt_fabs(merit));
     const gbt_real trial = merit_after(work, mu, 1);
     if (trial <= merit + ARMIJO * slope + noise) return 1;
-    if (trial < HUGE_VAL) {
+    if (trial < GBT_INFINITY) {
         gbt_correct(work, mu);
         find_step(work);
         if (merit_after(work, mu, 1) <= merit + ARMIJO * slope + noise) return 1;
@@ -157,7 +163,7 @@ static void accept(gbt_workspace *work, gbt_real mu, gbt_real alpha)
 
 gbt_real gbt_last_barrier(const gbt_settings *settings)
 {
-    return fmin(settings->gap * GBT_PIECES / (GBT_COUNT > 0 ? GBT_COUNT : 1), MU_LAST);
+    return gbt_fmin(settings->gap * GBT_PIECES / (GBT_COUNT > 0 ? GBT_COUNT : 1), MU_LAST);
 }
 
 gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int iterations, gbt_workspace *work,
@@ -180,7 +186,7 @@ gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int i
             return GBT_SOLVED;
         if (result->iterations >= last) return GBT_ITERATION_LIMIT;
         while (mu > mu_last && result->residual <= NEAR_ENOUGH * mu && gbt_off_centre(work, mu) <= NEAR_ENOUGH * mu) {
-            mu = fmin(mu / 5, pow(mu, (gbt_real)1.2));
+            mu = gbt_fmin(mu / 5, gbt_pow(mu, (gbt_real)1.2));
             if (mu < mu_last) mu = mu_last;
             gbt_centre(work, mu);
         }
@@ -198,20 +204,22 @@ gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int i
     }
 }
 
-/* Violated hard limits are made dearer until they are kept or nothing more is gained: the l1 penalty is exact only
-   while its weight exceeds the multipliers. */
+/* Violated limits on thrust are made dearer until they are kept or nothing more is gained: they are never given up for
+   others. The others have the weight of their class, above which an objective must be steep to break them. */
 gbt_status gbt_minimise_within_limits(const gbt_settings *settings, gbt_real mu, int deadline, gbt_workspace *work,
                                       gbt_result *result)
 {
-    gbt_real before = HUGE_VAL;
+    gbt_real before = GBT_INFINITY;
     for (gbt_real weight = settings->limit_weight;; weight *= ESCALATION) {
         const int left = deadline - result->iterations;
-        gbt_weigh_limits(work, weight);
+        gbt_weigh_limits(work, weight, settings->limit_weight);
         const gbt_status status =
             gbt_minimise(settings->tolerance, mu, gbt_last_barrier(settings),
                          left < settings->iterations ? left : settings->iterations, work, result);
-        const gbt_real violation = gbt_worst_side(work, 1);
-        if (status != GBT_SOLVED || violation <= settings->feasibility) return status;
+        const gbt_real violation = gbt_worst_side(work, GBT_HARD_THRUST);
+        if (status != GBT_SOLVED) return status;
+        if (violation <= settings->feasibility)
+            return gbt_worst_side(work, GBT_HARD_OTHERS) <= settings->feasibility ? GBT_SOLVED : GBT_GIVEN_UP;
         if (weight >= HEAVIEST || violation > (gbt_real)0.99 * before) return GBT_LIMIT_VIOLATED;
         before = violation;
     }

@@ -1,6 +1,6 @@
 #include "gbt_moments.h"
 
-#include <tgmath.h>
+#include "gbt_math.h"
 
 #define D GBT_DIMENSION
 #define SWEEPS 12 /* of Jacobi's method, which converges quadratically: 3 x 3 needs about 5 */
@@ -10,8 +10,8 @@ static void turn(gbt_real a[D][D], gbt_real v[D][D], int p, int q)
 {
     if (a[p][q] == 0) return;
     const gbt_real theta = (a[q][q] - a[p][p]) / (2 * a[p][q]);
-    const gbt_real t = (theta >= 0 ? 1 : -1) / (fabs(theta) + sqrt(theta * theta + 1));
-    const gbt_real c = 1 / sqrt(t * t + 1), s = t * c;
+    const gbt_real t = (theta >= 0 ? 1 : -1) / (gbt_fabs(theta) + gbt_sqrt(theta * theta + 1));
+    const gbt_real c = 1 / gbt_sqrt(t * t + 1), s = t * c;
     for (int k = 0; k < D; k++) {
         const gbt_real kp = a[k][p], kq = a[k][q];
         a[k][p] = c * kp - s * kq;
@@ -42,7 +42,7 @@ void gbt_symmetric_root(const gbt_real *matrix, gbt_real *root)
         for (int q = 0; q < D; q++) {
             gbt_real value = 0;
             for (int k = 0; k < D; k++)
-                if (a[k][k] > 0) value += v[p][k] * sqrt(a[k][k]) * v[q][k];
+                if (a[k][k] > 0) value += v[p][k] * gbt_sqrt(a[k][k]) * v[q][k];
             root[q * D + p] = value;
         }
 }
@@ -58,7 +58,8 @@ void gbt_bind(const gbt_real *mean, const gbt_real *covariance, const gbt_real *
     }
 #if GBT_PRESENT
     for (int i = 0; i <= GBT_PIECES; i++)
-        gbt_prepare_limits(mean + i * D, covariance + i * D * D, 0, parameters + GBT_LIMIT_NUMBERS + i * GBT_MOVING);
+        gbt_prepare_limits(mean + i * D, covariance + i * D * D, covariance,
+                           parameters + GBT_LIMIT_NUMBERS + i * GBT_MOVING);
 #endif
 }
 #endif

@@ -5,6 +5,8 @@
 
 #include "gbt_solver.h"
 
+GBT_BEGIN_C
+
 /* Number a of what is free in a piece. */
 static inline gbt_real *gbt_free(gbt_real piece[GBT_ORDERS][GBT_FLAT], int a)
 {
@@ -44,5 +46,7 @@ void gbt_push_forward(gbt_workspace *work);
 
 /* work->curvature: Hessian of f + lambda y, plus the Jacobians' squares weighted with work->sigma. */
 void gbt_assemble(gbt_workspace *work);
+
+GBT_END_C
 
 #endif

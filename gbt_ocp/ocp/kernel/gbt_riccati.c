@@ -1,7 +1,6 @@
 #include "gbt_riccati.h"
 
-#include <tgmath.h>
-
+#include "gbt_math.h"
 #include "gbt_pieces.h"
 
 /* Solves L x = b and then L' x = b in place. */
@@ -49,7 +48,7 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
         for (int a = 0; a < GBT_STATE && i == work->pieces - 1; a++)
             for (int c = 0; c < GBT_STATE; c++) rest[a][c] = 0;
         for (int a = 0; a < GBT_FLAT; a++) {
-            const gbt_real unit = gbt_input_scale[a] * pow(GBT_PERIOD, (gbt_real)(GBT_JOINED - 1));
+            const gbt_real unit = gbt_input_scale[a] * gbt_pow(GBT_PERIOD, (gbt_real)(GBT_JOINED - 1));
             rest[GBT_FLAT + a][GBT_FLAT + a] += delta / (unit * unit);
         }
         /* what the rate at the end does not see */
@@ -60,14 +59,14 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
         /* Cholesky factor of its part in what is free. */
         gbt_real(*factor)[GBT_FREE] = work->factor[i];
         for (int a = 0; a < GBT_FREE; a++) {
-            const gbt_real natural = fabs(h[GBT_STATE + a][GBT_STATE + a]);
+            const gbt_real natural = gbt_fabs(h[GBT_STATE + a][GBT_STATE + a]);
             for (int c = 0; c <= a; c++) {
                 gbt_real value = h[GBT_STATE + a][GBT_STATE + c];
                 for (int k = 0; k < c; k++) value -= factor[a][k] * factor[c][k];
                 if (c < a)
                     factor[a][c] = value / factor[c][c];
                 else if (value > 10 * GBT_EPSILON * natural)
-                    factor[a][a] = sqrt(value);
+                    factor[a][a] = gbt_sqrt(value);
                 else
                     return 0; /* also where value is NaN */
             }

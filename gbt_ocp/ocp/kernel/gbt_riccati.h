@@ -5,6 +5,8 @@
 
 #include "gbt_solver.h"
 
+GBT_BEGIN_C
+
 /* Factorises work->curvature, with delta added for every rate at the end of a piece, in units of what an input of one
    changes it by within the piece. (Added to the inputs themselves, a long horizon would need far more of it: all later
    rates change with an early input.) The pivots of the recursion are those of a block Cholesky
@@ -14,5 +16,7 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta);
 
 /* work->step from the gradient with respect to the numbers of each piece, which is spent. */
 void gbt_newton_step(gbt_workspace *work, gbt_real gradient[][GBT_ORDERS][GBT_FLAT]);
+
+GBT_END_C
 
 #endif

@@ -1,6 +1,6 @@
 #include "gbt_slacks.h"
 
-#include <tgmath.h>
+#include "gbt_math.h"
 
 #define LIFT ((gbt_real)0.3) /* first multiplier of a violated side: small, however much it is violated */
 
@@ -8,7 +8,7 @@
    written as a sum, since the difference that first comes to mind cancels. */
 static void split(gbt_real excess, gbt_real m, gbt_real *s, gbt_real *t)
 {
-    const gbt_real size = fabs(excess), root = sqrt(size * size + 4 * m * m);
+    const gbt_real size = gbt_fabs(excess), root = gbt_sqrt(size * size + 4 * m * m);
     const gbt_real large = m + (root + size) / 2, small = m + 2 * m * m / (root + size);
     *s = excess > 0 ? large : small;
     *t = excess > 0 ? small : large;
@@ -39,7 +39,7 @@ gbt_real gbt_off_centre(const gbt_workspace *work, gbt_real mu)
         const gbt_real off[3] = {lambda * work->t[k] - mu, (c - lambda) * work->s[k] - mu,
                                  (2 * work->width[k] * lambda / c - work->e[k]) * lambda};
         for (int a = 0; a < 3; a++)
-            if (fabs(off[a]) > worst) worst = fabs(off[a]);
+            if (gbt_fabs(off[a]) > worst) worst = gbt_fabs(off[a]);
     }
     return worst;
 }
@@ -81,7 +81,7 @@ gbt_real gbt_barrier(const gbt_workspace *work, const gbt_real *y, gbt_real mu, 
         const gbt_real c = work->c[k], w = work->width[k], e = work->e[k] + alpha * work->de[k];
         gbt_real s, t;
         split(y[k] + w - e, mu / c, &s, &t);
-        sum += c * s - mu * log(s * t);
+        sum += c * s - mu * gbt_log(s * t);
         if (w > 0) sum += c * e * e / (4 * w);
     }
     return sum;

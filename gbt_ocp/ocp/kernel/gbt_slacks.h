@@ -13,6 +13,8 @@
 
 #include "gbt_solver.h"
 
+GBT_BEGIN_C
+
 /* lambda and e for work->y, at a start. */
 void gbt_lift(gbt_workspace *work, gbt_real mu);
 
@@ -43,5 +45,7 @@ gbt_real gbt_penalty(const gbt_workspace *work);
 
 /* Takes a step alpha that led to work->y_trial, and leaves the share 1 - fraction of every multiplier. */
 void gbt_move_sides(gbt_workspace *work, gbt_real alpha, gbt_real fraction);
+
+GBT_END_C
 
 #endif

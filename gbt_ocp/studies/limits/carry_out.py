@@ -1,20 +1,21 @@
-"""How a task is carried out, in this process or in a worker; its file is written at once and whole."""
+"""How a task is carried out, in this process or in a worker, and what its file must hold."""
 
 from __future__ import annotations
 
-import os
-import signal
-import sys
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from time import process_time
 
+from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.interrupts import interrupted_between_steps
+from gbt_ocp.experiments.sweep.engines import Serial
+from gbt_ocp.experiments.sweep.task_folder import TaskFolder
+from gbt_ocp.files import whole_file
 from gbt_ocp.ocp.codegen.library import find_compiler
 from gbt_ocp.studies.limits.checks import check_problems, check_rows
-from gbt_ocp.studies.limits.problems import Check, Problems, draw, joined, record, unasked
+from gbt_ocp.studies.limits.problems import Check, Problems, draw, joined, record
 from gbt_ocp.studies.limits.runs import run_treated
 from gbt_ocp.studies.limits.sensitivity import solve_sweep
 from gbt_ocp.studies.limits.solves import best_chunk, solve_chunk
@@ -36,33 +37,26 @@ class CarryOut:
     ----------
     plan, folder
         Whose tasks, and where their files go.
-    home
-        Process that the user interrupts. Another process leaves that to it: CasADi would swallow the interrupt and
-        report a failed solve.
     """
 
     plan: Plan
     folder: Path
-    home: int
 
     def __call__(self, task: Task) -> bool:
         """Carry out one task."""
-        here = os.getpid() == self.home
-        if not here:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)
         began = process_time()
-        with interrupted_between_steps() if here else nullcontext(unasked) as check:
-            result = self._result(task, check)
-            check()
-        # One short line at the end of the file: processes that write at once do not mix them up. Before the part: a
-        # process that is killed between the two leaves no part without its costs.
-        with (self.folder / COSTS).open("a", encoding="utf-8") as stream:
-            stream.write(f"{task.name} {process_time() - began:.3f}\n")
-        path = self.folder / PARTS / task.name
-        if isinstance(result, Problems):
-            result.save(path)
-        else:
-            write_rows(path, result)
+        with whole_file(part_file(self.folder, task)) as temporary:
+            temporary.touch()  # names the task if the process dies
+            with interrupted_between_steps() as check:
+                result = self._result(task, check)
+            if isinstance(result, Problems):
+                result.save(temporary)
+            else:
+                write_rows(temporary, result)
+            # One short line at the end of the file: processes that write at once do not mix them up. Before the part
+            # has its name: a process that is killed between the two leaves no part without its costs.
+            with (self.folder / COSTS).open("a", encoding="utf-8") as stream:
+                stream.write(f"{task.name} {process_time() - began:.3f}\n")
         return True
 
     def _result(self, task: Task, check: Check) -> Problems | list[Row]:
@@ -83,47 +77,50 @@ class CarryOut:
         return solve_chunk(configuration, problems, numbers, task.pair, mode, check=check)
 
 
+def part_file(folder: Path, task: Task) -> Path:
+    """The file that a task leaves."""
+    return folder / PARTS / task.name
+
+
 def problems_file(folder: Path, case: str) -> Path:
     """Where the problems of an experiment are kept."""
     return folder / PROBLEMS / f"{case}.npz"
 
 
+def check_part(task: Task, plan: Plan, folder: Path) -> None:
+    """Check the file of a task.
+
+    Raises
+    ------
+    ValueError
+        If it is not what the task leaves.
+    """
+    path, configuration = part_file(folder, task), plan.configurations[task.case]
+    if task.kind == "record":
+        check_problems(Problems.load(path), configuration, [task.argument], 0)
+    else:
+        check_rows(path, task, plan, load_problems(problems_file(folder, configuration.name)))
+
+
 def gather_problems(plan: Plan, folder: Path) -> list[int]:
     """Put the recorded problems of each experiment and its random ones into one file; returns how many each has."""
-    sizes = []
-    for configuration in plan.configurations:
-        path = problems_file(folder, configuration.name)
-        if path.is_file():
-            try:
-                check_problems(load_problems(path), configuration, range(plan.runs), plan.random)
-            except ValueError as fault:
-                _remove(path, fault)
-        if not path.is_file():
-            parts = [folder / PARTS / f"record-{configuration.name}-{run}.npz" for run in range(plan.runs)]
-            joined([*map(Problems.load, parts), draw(configuration, plan.random)]).save(path)
-        sizes.append(len(load_problems(path)))
-    return sizes
 
+    def place(configuration: Configuration) -> Path:
+        return problems_file(folder, configuration.name)
 
-def is_whole(task: Task, plan: Plan, folder: Path) -> bool:
-    """Whether the file of a task is there and sound; one that is damaged is removed, and a line says so."""
-    path, configuration = folder / PARTS / task.name, plan.configurations[task.case]
-    if not path.is_file():
-        return False
-    try:
-        if task.kind == "record":
-            check_problems(Problems.load(path), configuration, [task.argument], 0)
-        else:
-            check_rows(path, task, plan, load_problems(problems_file(folder, configuration.name)))
-    except ValueError as fault:
-        _remove(path, fault)
-        return False
-    return True
+    def check(configuration: Configuration) -> None:
+        check_problems(Problems.load(place(configuration)), configuration, range(plan.runs), plan.random)
 
+    def work(configuration: Configuration) -> bool:
+        parts = [folder / PARTS / f"record-{configuration.name}-{run}.npz" for run in range(plan.runs)]
+        with whole_file(place(configuration)) as temporary:
+            joined([*map(Problems.load, parts), draw(configuration, plan.random)]).save(temporary)
+        return True
 
-def _remove(path: Path, fault: ValueError) -> None:
-    print(f"{path}: damaged ({fault}); it is made again", file=sys.stderr)
-    path.unlink()
+    files = TaskFolder(place, check, work, lost=lambda _: None)  # no worker takes part, so none is lost
+    for _ in files.carried_out(files.pending(plan.configurations), Serial()):
+        pass
+    return [len(load_problems(place(configuration))) for configuration in plan.configurations]
 
 
 def load_problems(path: Path) -> Problems:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +20,19 @@ from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.interrupts import interrupted_between_steps
 from gbt_ocp.experiments.sweep.engines import make_engine
-from gbt_ocp.files import PARTIAL, FolderBusyError, alone_in
+from gbt_ocp.experiments.sweep.task_folder import TaskFolder, at_work_in
+from gbt_ocp.files import PARTIAL, whole_file
 from gbt_ocp.ocp.codegen.library import find_compiler
 from gbt_ocp.studies.limits import summaries
-from gbt_ocp.studies.limits.carry_out import PARTS, PROBLEMS, CarryOut, costs, gather_problems, is_whole
+from gbt_ocp.studies.limits.carry_out import (
+    PARTS,
+    PROBLEMS,
+    CarryOut,
+    check_part,
+    costs,
+    gather_problems,
+    part_file,
+)
 from gbt_ocp.studies.limits.tables import Row, read_rows, write_rows
 from gbt_ocp.studies.limits.tasks import Plan, Task, measurements, recordings
 from gbt_ocp.studies.limits.treatments import COMPILED, FORMULATIONS, SOLVERS, chosen_pairs, described
@@ -31,7 +40,6 @@ from gbt_ocp.studies.limits.verdict import verdict
 
 PLAN, TABLES, VERDICT = "comparison.json", "tables", "verdict.txt"
 
-_LEFT = ((PARTS, ".*"), (PROBLEMS, ".*"), (TABLES, ".*"), (".", f".*{PARTIAL}*"), ("figures", f".*{PARTIAL}*"))
 _ALLOWED = "allowed: a new or empty folder, or one of the same comparison"
 
 Source = Configuration | str | Path | Mapping[str, Any]
@@ -114,16 +122,9 @@ def compare(
     """
     plan = _planned(configurations, formulations, solvers, runs, problems, full, list(overrides))
     folder = _folder(plan, out)
-    try:
-        with alone_in(folder):
-            _begin(folder, plan)
-            return _compared(plan, folder, jobs, progress)
-    except FolderBusyError as fault:
-        raise ConfigurationError([str(fault)]) from None
-    except OSError as fault:
-        raise ConfigurationError(
-            [f"{folder}: cannot be written ({fault}); free space or rights, then give the same command again"]
-        ) from fault
+    with at_work_in(folder, "give the same command again"):
+        _begin(folder, plan)
+        return _compared(plan, folder, jobs, progress)
 
 
 def _compared(plan: Plan, folder: Path, jobs: int | None, progress: bool) -> Comparison:
@@ -145,20 +146,19 @@ def _compared(plan: Plan, folder: Path, jobs: int | None, progress: bool) -> Com
 
 
 def _summed_up(plan: Plan, folder: Path, first: list[Task], tasks: list[Task]) -> Comparison:
-    from gbt_ocp.files import whole_file
     from gbt_ocp.studies.limits.report import write_report  # matplotlib only when something is drawn
 
     tables = _tables(plan, folder, tasks)
     tables["costs"] = summaries.costs([*first, *tasks], costs(folder))
-    (folder / TABLES).mkdir(exist_ok=True)
     for name, rows in tables.items():
-        write_rows(folder / TABLES / f"{name}.csv", rows)
+        with whole_file(folder / TABLES / f"{name}.csv") as temporary:
+            write_rows(temporary, rows)
     # read back, so that a report never says what the files do not
     tables = {name: read_rows(folder / TABLES / f"{name}.csv") for name in tables}
     sentences = verdict(tables, plan.pairs)
     with whole_file(folder / VERDICT) as temporary:
         temporary.write_text("\n".join(sentences) + "\n", encoding="utf-8")
-    write_report(folder)
+    write_report(folder, tables)
     return Comparison(folder, plan, tables, sentences)
 
 
@@ -221,8 +221,6 @@ def _is_final(path: Path) -> bool:
 
 def _begin(folder: Path, plan: Plan) -> None:
     """Refuse the folder of another comparison, and make that of this one ready."""
-    from gbt_ocp.files import whole_file
-
     path = folder / PLAN
     if path.is_file():
         try:
@@ -232,10 +230,7 @@ def _begin(folder: Path, plan: Plan) -> None:
             raise ConfigurationError([f"--out: found {path}, which is damaged ({fault}); {_ALLOWED}"]) from None
         if known not in (plan.to_json(), replace(plan, full=False).to_json()):
             raise ConfigurationError([f"--out: found {folder}, which holds another comparison ({PLAN}); {_ALLOWED}"])
-    for place, names in _LEFT:  # by a process that was killed
-        for left in (folder / place).glob(names):
-            left.unlink()
-    with whole_file(path) as temporary:  # before anything else: without it the folder would be nobody's
+    with whole_file(path) as temporary:  # before anything else: it says what the folder is for
         temporary.write_text(plan.to_json(), encoding="utf-8")
     for inner in (folder / PARTS, folder / PROBLEMS):
         inner.mkdir(exist_ok=True)
@@ -247,16 +242,26 @@ def _progress(shown: bool) -> Any:
 
 
 def _carry_out(tasks: list[Task], plan: Plan, folder: Path, jobs: int | None, bar: Any) -> None:
-    missing = [task for task in tasks if not is_whole(task, plan, folder)]
+    def lost(task: Task) -> None:
+        raise ConfigurationError(
+            [
+                f"{part_file(folder, task)}: the process died during this task, twice (killed, out of memory, or a "
+                "crash); free memory or give --jobs 1, then give the same command again"
+            ]
+        )
+
+    parts = TaskFolder(
+        place=partial(part_file, folder),
+        check=partial(check_part, plan=plan, folder=folder),
+        work=CarryOut(plan, folder),
+        lost=lost,
+    )
+    pending = parts.pending(tasks)
     bar.total += len(tasks)
-    bar.update(len(tasks) - len(missing))
-    if not missing:
-        return
-    work: Callable[[Task], bool] = CarryOut(plan, folder, os.getpid())
-    finished: Any = make_engine(jobs if len(missing) > 1 else 1, None).map(work, missing)
-    with closing(finished):
+    bar.update(len(tasks) - len(pending))
+    with closing(parts.carried_out(pending, make_engine(jobs if len(pending) > 1 else 1))) as finished:
         for task, _ in finished:
-            bar.set_postfix_str(re.sub(r"\.\w+$", "", task.name), refresh=False)
+            bar.set_postfix_str(Path(task.name).stem, refresh=False)
             bar.update()
 
 

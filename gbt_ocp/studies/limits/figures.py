@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from gbt_ocp.files import whole_file
 from gbt_ocp.reporting import style
-from gbt_ocp.studies.limits.tables import FIGURES, Texts, read_table
+from gbt_ocp.studies.limits.tables import FIGURES, Row, Tables, column
 from gbt_ocp.typing import Array
 
 COLOURS = {
@@ -29,15 +29,13 @@ COLOURS = {
 
 LINES = {"ipopt": "-", "compiled": (0, (4, 1.5))}
 
-KEPT = 1.0e-6
-"""Violation, in units of the limit, below which a limit counts as kept."""
+MARKERS = ("o", "s", "^", "D", "v", "P")
+"""One marker a case."""
 
 
-def write_figures(folder: Path) -> list[str]:
+def write_figures(folder: Path, tables: Tables) -> list[str]:
     """Draw what the tables give into ``figures/``; returns the names that were drawn, in the report's order."""
     (folder / "figures").mkdir(exist_ok=True)
-    names = ("open_loop", "solves", "runs", "sensitivity")
-    tables = {name: read_table(folder, name) for name in names}
     drawn = []
     with style.styled():
         for name in FIGURES:
@@ -49,15 +47,15 @@ def write_figures(folder: Path) -> list[str]:
     return drawn
 
 
-def _values(rows: Sequence[Texts], key: str) -> Array:
-    return np.array([float(row[key]) if row[key] else np.nan for row in rows])
+def _values(rows: Sequence[Row], key: str) -> Array:
+    return np.array(column(rows, key))
 
 
-def _pairs(rows: Sequence[Texts]) -> list[tuple[str, str]]:
+def _pairs(rows: Sequence[Row]) -> list[tuple[str, str]]:
     return list(dict.fromkeys((row["formulation"], row["solver"]) for row in rows))
 
 
-def _cases(rows: Sequence[Texts]) -> list[str]:
+def _cases(rows: Sequence[Row]) -> list[str]:
     return list(dict.fromkeys(row["case"] for row in rows))
 
 
@@ -82,13 +80,13 @@ def _legend(figure: Figure, pairs: Sequence[tuple[str, str]]) -> None:
     figure.legend(handles, [f"{name}, {solver}" for name, solver in pairs], loc="outside upper center", ncols=4)
 
 
-def _recorded(rows: Sequence[Texts], mode: str) -> list[Texts]:
+def _recorded(rows: Sequence[Row], mode: str) -> list[Row]:
     return [row for row in rows if row["origin"] == "recorded" and row["mode"] == mode]
 
 
 def _distributions(
-    rows: list[Texts],
-    values: Callable[[list[Texts]], Array],
+    rows: Sequence[Row],
+    values: Callable[[Sequence[Row]], Array],
     label: str,
     scale: str,
     height: float = 2.2,
@@ -106,7 +104,7 @@ def _distributions(
             ]
             if not mine:
                 continue
-            solved = [row for row in mine if row["solved"] == "1"]
+            solved = [row for row in mine if row["solved"]]
             x = np.sort(values(solved))
             y = np.arange(1, len(x) + 1) / len(mine)
             axes.step(x, y, where="post", color=COLOURS[formulation], linestyle=LINES[solver])
@@ -121,17 +119,17 @@ def _distributions(
     return figure
 
 
-def _time(tables: dict[str, list[Texts]]) -> Figure | None:
+def _time(tables: Tables) -> Figure | None:
     return _distributions(tables["solves"], lambda rows: _values(rows, "time_ms"), "processor time [ms]", "log")
 
 
-def _iterations(tables: dict[str, list[Texts]]) -> Figure | None:
+def _iterations(tables: Tables) -> Figure | None:
     return _distributions(
         tables["solves"], lambda rows: np.maximum(_values(rows, "iterations"), 1.0), "iterations", "log"
     )
 
 
-def _violation(tables: dict[str, list[Texts]]) -> Figure | None:
+def _violation(tables: Tables) -> Figure | None:
     return _distributions(
         tables["solves"],
         lambda rows: _values(rows, "violation_between"),
@@ -140,7 +138,7 @@ def _violation(tables: dict[str, list[Texts]]) -> Figure | None:
     )
 
 
-def _objective(tables: dict[str, list[Texts]]) -> Figure | None:
+def _objective(tables: Tables) -> Figure | None:
     return _distributions(
         tables["solves"],
         lambda rows: _values(rows, "gap"),
@@ -150,13 +148,12 @@ def _objective(tables: dict[str, list[Texts]]) -> Figure | None:
     )
 
 
-def _success(tables: dict[str, list[Texts]]) -> Figure | None:
+def _success(tables: Tables) -> Figure | None:
     rows = tables["open_loop"]
     sets = list(dict.fromkeys((row["origin"], row["mode"]) for row in rows))
     pairs, cases = _pairs(rows), _cases(rows)
     figure = style.new_figure(0.28 * len(pairs) + 1.2)
     panels = figure.subplots(1, len(sets), sharey=True, squeeze=False)[0]
-    markers = ("o", "s", "^", "D", "v", "P")
     for (origin, mode), axes in zip(sets, panels, strict=True):
         for number, case in enumerate(cases):
             mine = {
@@ -168,13 +165,13 @@ def _success(tables: dict[str, list[Texts]]) -> Figure | None:
             for place, pair in enumerate(pairs):
                 if pair not in mine:
                     continue
-                share, low, high = (float(mine[pair][f"solved_{name}"]) for name in ("share", "low", "high"))
+                share, low, high = (mine[pair][f"solved_{name}"] for name in ("share", "low", "high"))
                 axes.errorbar(
                     100.0 * share,
                     place + offset,
                     xerr=[[np.nan_to_num(100.0 * (share - low))], [np.nan_to_num(100.0 * (high - share))]],
                     color=COLOURS[pair[0]],
-                    marker=markers[number % len(markers)],
+                    marker=MARKERS[number % len(MARKERS)],
                     markersize=3.0,
                     linewidth=0.8,
                 )
@@ -184,14 +181,14 @@ def _success(tables: dict[str, list[Texts]]) -> Figure | None:
     panels[0].set_yticks(range(len(pairs)), [f"{name}, {solver}" for name, solver in pairs])
     panels[0].invert_yaxis()
     handles = [
-        panels[0].plot([], [], color=style.GREY, linestyle="", marker=markers[number % len(markers)], markersize=3.0)[0]
+        panels[0].plot([], [], color=style.GREY, linestyle="", marker=MARKERS[number % len(MARKERS)], markersize=3.0)[0]
         for number in range(len(cases))
     ]
     figure.legend(handles, cases, loc="outside upper center", ncols=len(cases))
     return figure
 
 
-def _closed_loop(tables: dict[str, list[Texts]]) -> Figure | None:
+def _closed_loop(tables: Tables) -> Figure | None:
     rows = tables["runs"]
     if not rows:
         return None
@@ -217,8 +214,12 @@ def _closed_loop(tables: dict[str, list[Texts]]) -> Figure | None:
     return figure
 
 
-def _sensitivity(tables: dict[str, list[Texts]]) -> Figure | None:
-    rows = [row for row in tables["sensitivity"] if row["swept"] in ("width", "weight", "units") and row["kink_mm"]]
+def _sensitivity(tables: Tables) -> Figure | None:
+    rows = [
+        row
+        for row in tables["sensitivity"]
+        if row["swept"] in ("width", "weight", "units") and row["kink_mm"] is not None
+    ]
     if not rows:
         return None
     figure = style.new_figure(2.9)
@@ -245,14 +246,13 @@ def _sensitivity(tables: dict[str, list[Texts]]) -> Figure | None:
     return figure
 
 
-def _nodes(tables: dict[str, list[Texts]]) -> Figure | None:
+def _nodes(tables: Tables) -> Figure | None:
     rows = [row for row in tables["sensitivity"] if row["swept"] in ("gamma", "nodes") and row["mode"] == "cold"]
     if not rows:
         return None
     figure = style.new_figure(4.6)
     panels = figure.subplots(2, 2, sharex="col", sharey="row")
     cases = _cases(rows)
-    markers = ("o", "s", "^", "D", "v", "P")
     for place, (swept, label) in enumerate((("gamma", "γ"), ("nodes", "n_c"))):
         for formulation in dict.fromkeys(row["formulation"] for row in rows):
             for number, case in enumerate(cases):
@@ -263,13 +263,13 @@ def _nodes(tables: dict[str, list[Texts]]) -> Figure | None:
                     continue
                 x, value = _values(mine, "value"), _values(mine, "objective_mean")
                 # the configurations' objectives differ by far more than a setting changes them
-                look = {"color": COLOURS[formulation], "marker": markers[number % len(markers)], "linewidth": 0.8}
+                look = {"color": COLOURS[formulation], "marker": MARKERS[number % len(MARKERS)], "linewidth": 0.8}
                 panels[0, place].plot(x, value - value[-1], label=f"{formulation}", **look)
                 panels[1, place].plot(x, _values(mine, "violation_between_max"), **look)
         panels[1, place].axhline(0.0, color=style.BLACK, linewidth=0.8)
         panels[1, place].set_xlabel(label)
     panels[1, 1].set_xscale("log")
-    values = sorted({float(row["value"]) for row in rows if row["swept"] == "nodes"})
+    values = sorted({row["value"] for row in rows if row["swept"] == "nodes"})
     panels[1, 1].set_xticks(values, [f"{value:g}" for value in values])
     panels[1, 1].set_xticks([], minor=True)
     panels[0, 0].set_ylabel("mean objective,\nminus that of the last value")
@@ -277,7 +277,7 @@ def _nodes(tables: dict[str, list[Texts]]) -> Figure | None:
     names = list(dict.fromkeys(row["formulation"] for row in rows))
     lines = [panels[0, 0].plot([], [], color=COLOURS[name])[0] for name in names]
     points = [
-        panels[0, 0].plot([], [], color=style.GREY, linestyle="", marker=markers[number % len(markers)])[0]
+        panels[0, 0].plot([], [], color=style.GREY, linestyle="", marker=MARKERS[number % len(MARKERS)])[0]
         for number in range(len(cases))
     ]
     # a row of formulations and one of cases: a legend is filled column by column
@@ -288,7 +288,7 @@ def _nodes(tables: dict[str, list[Texts]]) -> Figure | None:
     return figure
 
 
-_DRAW: dict[str, Callable[[dict[str, list[Texts]]], Figure | None]] = {
+_DRAW: dict[str, Callable[[Tables], Figure | None]] = {
     "success": _success,
     "objective": _objective,
     "violation": _violation,

@@ -6,11 +6,12 @@ import json
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 from markdown import markdown
 
 from gbt_ocp.files import whole_file
-from gbt_ocp.studies.limits.tables import FIGURES, Texts, read_table
+from gbt_ocp.studies.limits.tables import FIGURES, Row, Tables
 
 _STYLE = (
     "body{font-family:sans-serif;max-width:70em;margin:2em auto;padding:0 1em;line-height:1.4}"
@@ -27,12 +28,12 @@ _SETS = {
 }
 
 
-def write_report(folder: Path) -> None:
-    """Write figures, ``report.md`` and ``report.html`` of a comparison folder."""
+def write_report(folder: Path, tables: Tables) -> None:
+    """Write figures, ``report.md`` and ``report.html`` of a comparison folder from its tables."""
     from gbt_ocp.studies.limits.figures import write_figures
 
-    drawn = write_figures(folder)
-    text = report(folder, drawn)
+    drawn = write_figures(folder, tables)
+    text = report(folder, tables, drawn)
     with whole_file(folder / "report.md") as temporary:
         temporary.write_text(text, encoding="utf-8")
     body = markdown(text, extensions=["tables"])
@@ -42,10 +43,9 @@ def write_report(folder: Path) -> None:
         temporary.write_text(page, encoding="utf-8")
 
 
-def report(folder: Path, drawn: Sequence[str] = ()) -> str:
+def report(folder: Path, tables: Tables, drawn: Sequence[str] = ()) -> str:
     """The report as Markdown; ``drawn`` names the figures that are there."""
     plan = json.loads((folder / "comparison.json").read_text(encoding="utf-8"))
-    open_loop, paired = read_table(folder, "open_loop"), read_table(folder, "paired")
     names = ", ".join(entry["name"] for entry in plan["configurations"])
     lines = [
         f"# Treatments of the thrust limits: {names}",
@@ -65,7 +65,7 @@ def report(folder: Path, drawn: Sequence[str] = ()) -> str:
         "## Formulations",
         "",
         *table(
-            read_table(folder, "formulations"),
+            tables["formulations"],
             {"formulation": "formulation", "solver": "solver", "meaning": "what it is, or why there is none"},
         ),
         "",
@@ -73,30 +73,30 @@ def report(folder: Path, drawn: Sequence[str] = ()) -> str:
         "",
     ]
     for (origin, mode), title in _SETS.items():
-        rows = [row for row in open_loop if (row["origin"], row["mode"]) == (origin, mode)]
+        rows = [row for row in tables["open_loop"] if (row["origin"], row["mode"]) == (origin, mode)]
         if rows:
             lines += [f"### {title[0].upper()}{title[1:]}", "", *table(list(map(_open_loop_row, rows)), _OPEN_LOOP), ""]
     lines += ["## Table paired", "", "Medians of ratios and differences, means of objective and violation.", ""]
     for (origin, mode), title in _SETS.items():
-        rows = [row for row in paired if (row["origin"], row["mode"]) == (origin, mode)]
+        rows = [row for row in tables["paired"] if (row["origin"], row["mode"]) == (origin, mode)]
         if rows:
             lines += [f"### {title[0].upper()}{title[1:]}", "", *table(list(map(_paired_row, rows)), _PAIRED), ""]
-    lines += ["## Table closed_loop", "", *table(list(map(_loop_row, read_table(folder, "closed_loop"))), _LOOP), ""]
+    lines += ["## Table closed_loop", "", *table(list(map(_loop_row, tables["closed_loop"])), _LOOP), ""]
     lines += ["## Table closed_loop_paired", ""]
     lines += [
         *table(
-            [row | {"more": _interval(row, "error_more")} for row in read_table(folder, "closed_loop_paired")],
+            [row | {"more": _interval(row, "error_more")} for row in tables["closed_loop_paired"]],
             _LOOP_PAIRED,
         ),
         "",
     ]
     pooled = {key: name for key, name in _SENSITIVITY.items() if key not in ("case", "mode")}
     lines += ["## Table settings", "", "All configurations, cold and warm starts together; the narrowest kink.", ""]
-    lines += [*table(read_table(folder, "settings"), pooled), ""]
+    lines += [*table(tables["settings"], pooled), ""]
     lines += ["## Table sensitivity", ""]
-    lines += [*table(read_table(folder, "sensitivity"), _SENSITIVITY), ""]
-    costs = read_table(folder, "costs")
-    total = sum(float(row["core_s"]) for row in costs)
+    lines += [*table(tables["sensitivity"], _SENSITIVITY), ""]
+    costs = tables["costs"]
+    total = sum(row["core_s"] for row in costs)
     lines += [
         "## Table costs",
         "",
@@ -111,27 +111,25 @@ def report(folder: Path, drawn: Sequence[str] = ()) -> str:
     return "\n".join(lines)
 
 
-def table(rows: Iterable[Texts], columns: dict[str, str]) -> list[str]:
+def table(rows: Iterable[Row], columns: dict[str, str]) -> list[str]:
     """Lines of a Markdown table with these columns (key to heading), numbers to three digits."""
     lines = [f"| {' | '.join(columns.values())} |", "|" + "---|" * len(columns)]
-    return lines + [f"| {' | '.join(short(row.get(key, '')) for key in columns)} |" for row in rows]
+    return lines + [f"| {' | '.join(short(row.get(key)) for key in columns)} |" for row in rows]
 
 
-def short(text: str) -> str:
-    """A number with three significant digits; other text as it is, nothing for what is not a number."""
-    try:
-        value = float(text)
-    except ValueError:
-        return text
+def short(value: Any) -> str:
+    """A number with three significant digits, and nothing for one that is not finite; a word as it is."""
+    if isinstance(value, str) or value is None:
+        return value or ""
     if not math.isfinite(value):
         return ""
     whole = value == round(value) and abs(value) < 1e6
     return f"{value:.0f}" if whole else f"{value:.3g}"
 
 
-def _interval(row: Texts, name: str) -> str:
+def _interval(row: Row, name: str) -> str:
     low, high = short(row[f"{name}_low"]), short(row[f"{name}_high"])
-    return f"{short(row[name])} [{low}, {high}]" if row[name] and low else short(row[name])
+    return f"{short(row[name])} [{low}, {high}]" if low else short(row[name])
 
 
 _OPEN_LOOP = {
@@ -161,11 +159,11 @@ _SENSITIVITY = {
 }  # fmt: skip
 
 
-def _open_loop_row(row: Texts) -> Texts:
+def _open_loop_row(row: Row) -> Row:
     return row | {"success": f"{row['solved']} of {row['problems']}", "gap": _interval(row, "gap_mean")}
 
 
-def _paired_row(row: Texts) -> Texts:
+def _paired_row(row: Row) -> Row:
     return row | {
         "faster": _interval(row, "times_faster"),
         "fewer": _interval(row, "iterations_fewer"),
@@ -176,9 +174,10 @@ def _paired_row(row: Texts) -> Texts:
     }
 
 
-def _loop_row(row: Texts) -> Texts:
+def _loop_row(row: Row) -> Row:
+    share = row["solver_success_rate"]
     return row | {
         "error": _interval(row, "error_settled"),
-        "fallbacks": ", ".join(row[f"fallbacks_{word}"] for word in ("shifted", "cold", "braking", "other")),
-        "unsolved": f"{100.0 * (1.0 - float(row['solver_success_rate'])):.3g}" if row["solver_success_rate"] else "",
+        "fallbacks": ", ".join(str(row[f"fallbacks_{word}"]) for word in ("shifted", "cold", "braking", "other")),
+        "unsolved": None if share is None else f"{100.0 * (1.0 - share):.3g}",
     }

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
 from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.guidance.planned import PlannedMotion
-from gbt_ocp.simulation.history import History
 from gbt_ocp.simulation.loop import simulate
 from gbt_ocp.simulation.summary import FALLBACKS, installed_versions, summarise
 from gbt_ocp.studies.limits.problems import Check, unasked
+from gbt_ocp.studies.limits.tables import Row
 from gbt_ocp.studies.limits.treatments import Pair, kept_planner, treated
-
-Row = dict[str, Any]
 
 SETTLING_S = 2.0
 """Time from which errors and condition numbers count as settled."""
@@ -37,14 +34,14 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
     loop.guidance.planner = kept_planner(configuration, pair)
     began = perf_counter()
     recording = simulate(loop, start, configuration.duration_s, lambda *_: check())
-    history = History(**recording.arrays)  # type: ignore[arg-type]  # names and kinds are checked there
+    history = recording.history
     summary = summarise(
         history,
         period=configuration.sensor.period_s,
         seed=configuration.seed,
         settling=SETTLING_S,
         wall_s=perf_counter() - began,
-        solver_first_try=(history.solver_status == "solved") & (history.fallback == ""),
+        solver_first_try=history.answered & (history.fallback == ""),
         retries={"tightened": recording.tightened, "nugget": recording.nugget_retries, "clipped": recording.clipped},
         versions=installed_versions(),
     )

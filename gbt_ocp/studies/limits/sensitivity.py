@@ -14,9 +14,8 @@ from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import kink_widths, stiffness
 from gbt_ocp.studies.limits.problems import RANDOM, RECORDED, Check, Problems, unasked
 from gbt_ocp.studies.limits.solves import MODES, solve_chunk
+from gbt_ocp.studies.limits.tables import Row
 from gbt_ocp.studies.limits.treatments import COMPILED, IPOPT, Pair, StagedPenalty, treated
-
-Row = dict[str, Any]
 
 WIDTHS = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 WEIGHTS = (10.0, 100.0, 1000.0, 10000.0)

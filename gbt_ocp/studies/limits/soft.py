@@ -13,11 +13,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.problem import TrajectoryProblem
 from gbt_ocp.ocp.solvers.base import Solution
-from gbt_ocp.ocp.solvers.compiled import CompiledOptions, CompiledSolver
+from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 from gbt_ocp.ocp.solvers.ipopt import ipopt_function, solution_of
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import transcribe
@@ -72,13 +74,14 @@ class SoftIpoptSolver:
         guess: Array,
         *,
         cold: bool,
-        tightening: float = 0.0,
+        tightening: ArrayLike = 0.0,
         limits: Sequence[Array] = (),
     ) -> Solution:
         """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.base.Solver.solve`."""
         program = self._program
         parameters = self._binding.vector(start, objectives, [], tightening, limits)
-        upper, lower = program.upper - tightening * program.scale, program.lower + tightening * program.scale
+        inside = program.inward(tightening)
+        upper, lower = program.upper - inside, program.lower + inside
         values = np.asarray(self._limits(guess.ravel(), parameters)).ravel()
         slack = np.maximum(np.maximum(values - upper, lower - values) / program.scale, 0.0)
         none = np.full(len(upper), np.inf)
@@ -117,7 +120,7 @@ class SoftCompiledSolver:
         guess: Array,
         *,
         cold: bool,
-        tightening: float = 0.0,
+        tightening: ArrayLike = 0.0,
         limits: Sequence[Array] = (),
     ) -> Solution:
         """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.base.Solver.solve`."""

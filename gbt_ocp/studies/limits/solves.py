@@ -22,10 +22,9 @@ from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import input_scale
 from gbt_ocp.studies.limits.problems import Check, Instance, Problems, unasked
+from gbt_ocp.studies.limits.tables import Row
 from gbt_ocp.studies.limits.treatments import Pair, kept_planner
 from gbt_ocp.typing import Array
-
-Row = dict[str, Any]
 
 COLD, WARM = "cold", "warm"
 MODES = (COLD, WARM)

@@ -1,40 +1,57 @@
-"""Tables of a comparison: lists of rows, as CSV files that appear whole."""
+"""Tables of a comparison: lists of rows, kept as CSV files."""
 
 from __future__ import annotations
 
 import csv
-import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 Row = dict[str, Any]
 
+Tables = Mapping[str, Sequence[Row]]
+"""Rows by the name of their table."""
+
+
+WORDS = frozenset(
+    (
+        "case", "formulation", "solver", "mode", "origin", "status", "swept", "pair", "against", "work", "meaning",
+    )
+)  # fmt: skip
+"""Columns that hold words, whatever they look like: the name of an experiment may be a number."""
+
+FIGURES = {
+    "success": "Share of the problems that each pair solved, with 95 % intervals.",
+    "objective": "Gap to the best known objective, problem by problem, in order of size.",
+    "violation": "Violation of the true limits between the nodes.",
+    "time": "Processor time of a solve.",
+    "iterations": "Iterations of a solve.",
+    "closed_loop": "Settled tracking error in closed loop, seed by seed.",
+    "sensitivity": "The penalty's settings: success and iterations of IPOPT over the stiffness of the kink.",
+    "nodes": "Hard limits, exchange and penalty over γ and n_c: objective, and violation between the nodes.",
+}
+"""Figures by file name, in the order of the report, with their captions."""
+
 
 def write_rows(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows; an empty cell is what does not exist. A column exists if any row has it."""
+    """Write rows; a cell without a value is empty. A column exists if any row has it."""
     columns = list(dict.fromkeys(key for row in rows for key in row))
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with temporary.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.DictWriter(stream, columns, lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def read_rows(path: Path) -> list[Row]:
-    """Read them back: whole numbers, other numbers, ``None`` for an empty cell, text."""
+    """Read rows back: whole numbers, other numbers, words, and ``None`` for an empty cell."""
     with path.open(newline="", encoding="utf-8") as stream:
-        return [{key: _value(text) for key, text in row.items()} for row in csv.DictReader(stream)]
+        return [{key: _value(key, text) for key, text in row.items()} for row in csv.DictReader(stream)]
 
 
-def _value(text: str) -> Any:
+def _value(key: str, text: str) -> Any:
     if text == "":
         return None
-    for kind in (int, float):
+    for kind in () if key in WORDS else (int, float):
         try:
             return kind(text)
         except ValueError:
@@ -51,27 +68,5 @@ def grouped(rows: Iterable[Row], *keys: str) -> dict[tuple[Any, ...], list[Row]]
 
 
 def column(rows: Iterable[Row], key: str, convert: Callable[[Any], float] = float) -> list[float]:
-    """Numbers of a column; NaN where there is none."""
+    """Numbers of a column; NaN for an empty cell."""
     return [float("nan") if row.get(key) is None else convert(row[key]) for row in rows]
-
-
-Texts = dict[str, str]
-"""A row as it stands in the file."""
-
-FIGURES = {
-    "success": "Share of the problems that each pair solved, with 95 % intervals.",
-    "objective": "Gap to the best known objective, problem by problem, in order of size.",
-    "violation": "Violation of the true limits between the nodes.",
-    "time": "Processor time of a solve.",
-    "iterations": "Iterations of a solve.",
-    "closed_loop": "Settled tracking error in closed loop, seed by seed.",
-    "sensitivity": "The penalty's settings: success and iterations of IPOPT over the stiffness of the kink.",
-    "nodes": "Hard limits, exchange and penalty over γ and n_c: objective, and violation between the nodes.",
-}
-"""Figures by file name, in the order of the report, with their captions."""
-
-
-def read_table(folder: Path, name: str) -> list[Texts]:
-    """Rows of ``tables/NAME.csv`` as text."""
-    with (folder / "tables" / f"{name}.csv").open(newline="", encoding="utf-8") as stream:
-        return list(csv.DictReader(stream))

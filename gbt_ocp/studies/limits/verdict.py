@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
-from gbt_ocp.studies.limits.tables import Row, column
+from gbt_ocp.studies.limits.tables import Row, Tables, column
 from gbt_ocp.studies.limits.treatments import Pair
-
-Tables = Mapping[str, list[Row]]
 
 ROUND_OFF = 1.0e-9
 """Executed violation that still counts as round-off."""
@@ -192,13 +190,13 @@ def _closed_loops(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
                 f"{'nothing' if broken <= ROUND_OFF else _excess(broken)}; fallbacks {used} in "
                 f"{sum(row['steps'] for row in rows)} steps (table closed_loop)."
             )
-    rows = tables["closed_loop_paired"]
-    if rows:
-        several = [row for row in rows if row["runs"] > 1]
+    paired = tables["closed_loop_paired"]
+    if paired:
+        several = [row for row in paired if row["runs"] > 1]
         apart = [row for row in several if row["error_more_low"] > 0.0 or row["error_more_high"] < 0.0]
-        largest = max(rows, key=lambda row: abs(row["error_more"]))
+        largest = max(paired, key=lambda row: abs(row["error_more"]))
         lines.append(
-            f"Settled errors on the same seeds, against {rows[0]['against']}: {len(apart)} of {len(several)} "
+            f"Settled errors on the same seeds, against {paired[0]['against']}: {len(apart)} of {len(several)} "
             f"differences over several seeds have a 95 % interval without zero; the largest of all is "
             f"{largest['error_more']:+.2g} m ({largest['pair']}, {largest['case']}) (table closed_loop_paired)."
         )

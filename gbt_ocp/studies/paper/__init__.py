@@ -1,6 +1,6 @@
 """Studies: the paper's tables and figures, each from one command (``gbt-ocp reproduce NAME``).
 
-A study is a module of this package, named as on the command line, with one function::
+A study is a function of a module of this package::
 
     def conduct(workbench: Workbench) -> Report: ...
 
@@ -14,7 +14,7 @@ It asks the workbench for sweeps, and answers with a report: findings, tables an
        done = workbench.sweep("modes", modes, arrays=("t", "mean_error"))
 
    The sweep runs with ``workbench.seeds`` and lies in ``DIR/sweeps/modes``. What is finished there is not run again, so
-   two studies that ask for the same sweep under the same name share it, and an interrupted study is taken up where it
+   two studies that ask for the same sweep under the same name share it, and an interrupted study continues where it
    stopped. ``arrays`` names the attributes of a history that are kept; ``histories=True`` keeps all of it.
 
 2. Sum up. ``done.matching(case="case2", mode="static")`` are the rows (mappings with the keys of ``summary.json``) of
@@ -32,13 +32,16 @@ not fail for a small number, and must not assume that every run succeeded.
 """
 
 STUDIES = {
-    "table2": "all methods in the plane, cases 1 to 3",
-    "table3": "all methods in space, cases 4 to 6",
-    "fig4": "effectiveness on the six cases: error, bounds, condition number, calibration",
-    "fig5": "motion modes: static, constant force, random, planner on cases 2 and 5",
-    "fig6": "error over time of all methods, from the runs of tables 2 and 3",
-    "fig7": "lengths of window and forecast on cases 1 and 5",
-    "fig8": "robustness of cases 3 and 6: noise, missed bearings, outliers, slow sampling, manoeuvres",
-    "fig9": "linear model of coregionalization on cases 2 and 6: error, cross-axis covariance, cost",
+    "table2": "method_tables:table2",  # all methods in the plane, cases 1 to 3
+    "table3": "method_tables:table3",  # all methods in space, cases 4 to 6
+    "fig4": "fig4:conduct",  # effectiveness on the six cases: error, bounds, condition number, calibration
+    "fig5": "fig5:conduct",  # motion modes: static, constant force, random, planner on cases 2 and 5
+    "fig6": "fig6:conduct",  # error over time of all methods, from the runs of tables 2 and 3
+    "fig7": "fig7:conduct",  # lengths of window and forecast on cases 1 and 5
+    "fig8": "fig8:conduct",  # robustness of cases 3 and 6: noise, missed bearings, outliers, slow sampling, manoeuvres
+    "fig9": "fig9:conduct",  # linear model of coregionalization on cases 2 and 6: error, cross-axis covariance, cost
 }
-"""Studies that exist, in the order of ``all``."""
+"""Module and function of each study by its name on the command line, in the order of ``all``.
+
+They are names because the command line lists them before anything is loaded.
+"""

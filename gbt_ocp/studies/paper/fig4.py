@@ -17,7 +17,7 @@ from gbt_ocp.studies.paper.measures import (
     proportion,
     rank_correlation,
     share_within,
-    squared_errors,
+    squared_forecast_errors,
 )
 from gbt_ocp.studies.paper.workbench import Finding, Report, Workbench
 from gbt_ocp.tracking.gp.bounds import posterior_bound
@@ -209,7 +209,9 @@ def _effect(workbench: Workbench, done: Sweep, rows: Sequence[Row]) -> Effect:
     kept = np.all(error <= bound, axis=2)
     kept_lemma = np.all(error <= _lemma(done, rows)[:, settled], axis=2)
     moments = (done.arrays(rows, name) for name in ("forecast_mean", "forecast_cov", "target"))
-    squared = np.array([squared_errors(*run)[settled[: 1 - error.shape[2]]] for run in zip(*moments, strict=True)])
+    squared = np.array(
+        [squared_forecast_errors(*run)[settled[: 1 - error.shape[2]]] for run in zip(*moments, strict=True)]
+    )
     dimension = done.arrays(rows, "target").shape[2]
     line = done.arrays(rows, "target") - done.arrays(rows, "vehicle_pose")[..., :dimension]
     similarity = np.sum(done.arrays(rows, "bearing") * done.arrays(rows, "desired_bearing"), axis=2)[:, settled]

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import binomtest, bootstrap, chi2, spearmanr
+from scipy.stats import binomtest, bootstrap, spearmanr
 
+from gbt_ocp.simulation.calibration import squared_errors, within
 from gbt_ocp.typing import Array
 
 RESAMPLES = 2000
@@ -26,8 +27,8 @@ class Interval(NamedTuple):
         return f"{self.value:.2f} [{self.low:.2f}, {self.high:.2f}]"
 
 
-def squared_errors(mean: ArrayLike, covariance: ArrayLike, target: ArrayLike) -> Array:
-    """Normalised estimation error squared ``(μ - P_T)ᵀ Σ⁻¹ (μ - P_T)``; χ² with d degrees of freedom if calibrated.
+def squared_forecast_errors(mean: ArrayLike, covariance: ArrayLike, target: ArrayLike) -> Array:
+    """:func:`~gbt_ocp.simulation.calibration.squared_errors` of the forecasts of a run.
 
     Parameters
     ----------
@@ -38,24 +39,17 @@ def squared_errors(mean: ArrayLike, covariance: ArrayLike, target: ArrayLike) ->
 
     Returns
     -------
-    ``(K-n, n+1)``: the last n steps predict beyond the run. Eigenvalues of Σ below its round-off count as that
-    round-off; NaN where Σ is unknown.
+    ``(K-n, n+1)``: the last n steps predict beyond the run.
     """
-    mu, sigma = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
-    ahead = mu.shape[1]
-    windows = np.lib.stride_tricks.sliding_window_view(np.asarray(target, dtype=float), ahead, axis=0)
+    mu = np.asarray(mean, dtype=float)
+    windows = np.lib.stride_tricks.sliding_window_view(np.asarray(target, dtype=float), mu.shape[1], axis=0)
     truth = np.swapaxes(windows, 1, 2)
-    mu, sigma = mu[: len(truth)], sigma[: len(truth)]
-    known = np.isfinite(sigma).all(axis=(-2, -1))
-    values, axes = np.linalg.eigh(np.where(known[..., None, None], sigma, np.eye(sigma.shape[-1])))
-    floor = np.finfo(float).eps * np.maximum(values[..., -1:], np.finfo(float).tiny)
-    turned = np.einsum("...ji,...j->...i", axes, mu - truth)
-    return np.where(known, np.sum(turned**2 / np.maximum(values, floor), axis=-1), np.nan)
+    return squared_errors(mu[: len(truth)] - truth, np.asarray(covariance)[: len(truth)])
 
 
 def share_within(squared: ArrayLike, dimension: int, probability: float) -> Array:
-    """Share of :func:`squared_errors` within the posterior's ellipsoid of a probability, over all axes but the last."""
-    inside = np.asarray(squared, dtype=float) <= chi2.ppf(probability, dimension)
+    """Share of squared errors within the posterior's region of a probability, over all axes but the last."""
+    inside = within(squared, dimension, probability)
     return np.asarray(np.mean(inside.reshape(-1, inside.shape[-1]), axis=0))
 
 

@@ -1,4 +1,4 @@
-"""GBT beside the methods that the paper compares it with: what tables 2 and 3 and figure 6 share."""
+"""Tables 2 and 3: GBT beside the methods that the paper compares it with (section 5.4); figure 6 has the same runs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,16 @@ from gbt_ocp.experiments.sweep.carry_out import Sweep
 from gbt_ocp.experiments.sweep.plan import Variant
 from gbt_ocp.experiments.sweep.table import Row
 from gbt_ocp.studies.paper import tuning
-from gbt_ocp.studies.paper.methods import FULL_POSITIONS, GBT, PAPER, POLYNOMIAL, POLYNOMIAL_SETTLED, methods
+from gbt_ocp.studies.paper.methods import (
+    FULL_POSITIONS,
+    GBT,
+    PAPER,
+    PLANE,
+    POLYNOMIAL,
+    POLYNOMIAL_SETTLED,
+    SPACE,
+    methods,
+)
 from gbt_ocp.studies.paper.workbench import Finding, Report, Workbench
 
 if TYPE_CHECKING:
@@ -25,6 +34,16 @@ ARRAYS = ("t", "mean_error")
 
 Errors = dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]
 """Whole-run and settled errors of the runs, by method and case."""
+
+
+def table2(workbench: Workbench) -> Report:
+    """Run all methods on cases 1 to 3."""
+    return conduct_table(workbench, "table2", "Table 2: methods in the plane", PLANE)
+
+
+def table3(workbench: Workbench) -> Report:
+    """Run all methods on cases 4 to 6."""
+    return conduct_table(workbench, "table3", "Table 3: methods in space", SPACE)
 
 
 def compared(workbench: Workbench, name: str, cases: Sequence[str]) -> tuple[Sweep, tuning.Chosen, list[tuning.Score]]:

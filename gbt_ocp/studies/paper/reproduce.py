@@ -1,14 +1,14 @@
-"""``gbt-ocp reproduce``: studies by name, in a folder that can be taken up again."""
+"""``gbt-ocp reproduce``: studies by name, in a folder that can be resumed."""
 
 from __future__ import annotations
 
 import os
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.sweep.carry_out import engine_for
-from gbt_ocp.files import FolderBusyError, alone_in
+from gbt_ocp.experiments.sweep.task_folder import at_work_in, free_name
 from gbt_ocp.studies.paper import STUDIES
 from gbt_ocp.studies.paper.workbench import Report, Workbench
 
@@ -54,7 +54,7 @@ def reproduce(
     resume
         Folder of a study with the same number of runs: sweeps that are finished there are not run again.
     tune
-        Search for the parameters of the methods anew (tables) instead of taking those that are shipped.
+        Search for the parameters of the methods (tables) instead of taking those that are shipped.
     progress
         Show progress bars on standard error.
 
@@ -75,24 +75,18 @@ def reproduce(
     if runs < 1 or seed_from < 0:
         raise ConfigurationError([f"found {runs} runs from seed {seed_from}; allowed: runs >= 1, seeds >= 0"])
     folder = _folder(study, out, resume)
-    reports = {}
+    reports: dict[str, Report] = {}
     try:
-        with alone_in(folder), engine_for(jobs, dask) as engine:
+        with at_work_in(folder, f"--resume {folder}"), engine_for(jobs, dask) as engine:
             if out is not None and any(folder.iterdir()):  # another process was faster
                 raise _occupied(folder)
             seeds = tuple(range(seed_from, seed_from + runs))
             workbench = Workbench(folder, seeds, engine, tune, progress)
             for name in STUDIES if study == "all" else [study]:
-                reports[name] = import_module(f"gbt_ocp.studies.paper.{name}").conduct(workbench)
+                reports[name] = resolve_name(f"gbt_ocp.studies.paper.{STUDIES[name]}")(workbench)
                 reports[name].write(folder / name)
     except KeyboardInterrupt as fault:
         raise StudyInterruptedError(folder, str(fault)) from fault
-    except FolderBusyError as fault:
-        raise ConfigurationError([str(fault)]) from None
-    except OSError as fault:
-        raise ConfigurationError(
-            [f"{folder}: cannot be written ({fault}); free space or rights, then --resume {folder}"]
-        ) from fault
     return folder, reports
 
 
@@ -108,19 +102,11 @@ def _folder(study: str, out: str | os.PathLike[str] | None, resume: str | os.Pat
         if not folder.is_dir():
             raise ConfigurationError([f"--resume: found {folder}, which is no folder; allowed: the folder of a study"])
         return folder
-    if out is not None:
-        folder = Path(out)
-        if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
-            raise _occupied(folder)
-    else:
-        folder, count = Path("runs") / f"reproduce-{study}", 1
-        while folder.exists():
-            count += 1
-            folder = Path("runs") / f"reproduce-{study}-{count}"
+    folder = Path(out) if out is not None else free_name(Path("runs") / f"reproduce-{study}")
+    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
+        raise _occupied(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-    except FolderBusyError as fault:
-        raise ConfigurationError([str(fault)]) from None
     except OSError as fault:
         raise ConfigurationError(
             [f"--out: found {folder}, which cannot be written ({fault}); allowed: a writable folder"]

@@ -1,0 +1,90 @@
+"""``gbt-ocp codegen``: the planner of an experiment as C."""
+
+from __future__ import annotations
+
+import argparse
+
+from gbt_ocp.cli.arguments import add_config, add_out, add_set
+from gbt_ocp.cli.exit_codes import DONE, LIMIT_BROKEN
+from gbt_ocp.cli.folders import refuse_unwritable
+from gbt_ocp.cli.output import remark, show
+from gbt_ocp.cli.subcommand import Subcommand
+from gbt_ocp.experiments.config.faults import ConfigurationError
+from gbt_ocp.experiments.config.loading import load_config
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_config(parser)
+    add_out(parser, "a new or empty folder", required=True)
+    add_set(parser)
+    parser.add_argument("--solver", choices=("compiled", "ipopt"), default="compiled", help="what solves it in C")
+    parser.add_argument(
+        "--prefix", metavar="NAME_", default="", help="of all names in it, for programs with several planners"
+    )
+    parser.add_argument("--verify", action="store_true", help="build it, run its recorded steps, make it fail")
+
+
+def _carry_out(arguments: argparse.Namespace) -> int:
+    configuration = load_config(arguments.config, overrides=arguments.set)
+    refuse_unwritable(arguments.out)
+
+    from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
+    from gbt_ocp.experiments.recorded_steps import recorded_steps
+    from gbt_ocp.ocp import Planner
+    from gbt_ocp.ocp.codegen.library import CompilerError
+    from gbt_ocp.ocp.codegen.problem_source import from_moments
+    from gbt_ocp.ocp.export.folder import write_c
+    from gbt_ocp.ocp.export.ipopt_source import write_ipopt_folder
+    from gbt_ocp.ocp.export.names import checked_prefix
+    from gbt_ocp.ocp.export.vectors import STEPS
+    from gbt_ocp.ocp.export.verification import verify_folder
+    from gbt_ocp.ocp.solvers.base import options_for
+
+    section, solver = configuration.planner, arguments.solver
+    # Options under no solver's name are those of the solver that the configuration names.
+    named = "compiled" if section.solver == "auto" else section.solver
+    if arguments.verify and solver != "compiled":
+        raise ConfigurationError(["--verify: found --solver ipopt; allowed: --solver compiled"])
+    try:
+        prefix = checked_prefix(arguments.prefix)
+    except ValueError as fault:
+        raise ConfigurationError([f"--{fault}"]) from fault
+    try:
+        problem = build_problem(configuration, build_vehicle(configuration))
+        options = options_for(solver, section.solver_options, common=named == solver)
+        if solver == "compiled":
+            planner = Planner(problem, solver, options)
+            # steps of an objective from the moments of a forecast are made up; others are those of the closed loop
+            steps = None if from_moments(problem) else recorded_steps(configuration, planner, STEPS)
+            write_c(planner, arguments.out, steps, prefix)
+        else:
+            write_ipopt_folder(problem, options, arguments.out, prefix)
+    except ConfigurationError:
+        raise
+    except CompilerError as fault:
+        raise ConfigurationError([f"codegen: {fault}"]) from fault
+    except FileExistsError as fault:
+        raise ConfigurationError([f"--out: {fault}"]) from fault
+    except OSError as fault:
+        raise ConfigurationError(
+            [f"--out: found {arguments.out}, which cannot be written ({fault}); allowed: a writable folder"]
+        ) from fault
+    except ValueError as fault:
+        raise ConfigurationError([f"{arguments.config}: planner: {fault}"]) from fault
+    show(arguments.out)
+    if not arguments.verify:
+        return DONE
+    found = verify_folder(arguments.out)
+    for line in found.faults:
+        remark(line)
+    show(f"{found.vectors} recorded steps, largest difference {found.difference:.3g}, {len(found.faults)} faults")
+    return LIMIT_BROKEN if found.faults else DONE
+
+
+CODEGEN = Subcommand(
+    "codegen",
+    "write the planner of an experiment as C without dependencies",
+    ("gbt-ocp codegen case2 --out planner_c --set planner.formulation=hard --verify",),
+    _add_arguments,
+    _carry_out,
+)
