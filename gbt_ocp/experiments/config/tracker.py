@@ -50,7 +50,13 @@ class TrackerSection(Section):
     """What all estimators share."""
 
     kind: str = Field(description="Method.")
-    window: int = key(20, "N_c, bearings kept (default 12 in space).", "a whole number >= 2", ge=2)
+    window: int = key(
+        20,
+        "N_c, bearings kept by gp, lmc and pr (default 12 in space). Other kinds, and gp with noise, have windows of "
+        "their own; for them it is the number of bearings that the recorded condition number counts.",
+        "a whole number >= 2",
+        ge=2,
+    )
     forecast: int = key(11, "n, sampling periods (or forecast_period_s) predicted ahead.", "a whole number >= 1", ge=1)
     forecast_period_s: Positive | None = key(
         None, "Time between predicted positions in s; null is one sampling period.", "null, or a number > 0"
@@ -83,7 +89,7 @@ class GaussianProcessSection(ProcessSection):
     """The Gaussian-process tracker."""
 
     kind: Literal["gp"] = Field("gp", description="Gaussian process.")
-    kernel: KernelName = key("se", "Kernel of the process.", "se, matern32, matern52, rq")
+    kernel: KernelName = key("se", "Kernel of the process, for exact bearings.", "se, matern32, matern52, rq")
     amplitude: Literal["tuned"] | Positive = key(
         "tuned", "Prior standard deviation in m, tuned on the window or fixed.", "tuned, or a number > 0"
     )
@@ -92,8 +98,9 @@ class GaussianProcessSection(ProcessSection):
         Discriminator(_own_or_named),
     ] = key(
         "sensor",
-        "Treatment of noisy bearings, in place of kernel, centre, amplitude, length_scale and nugget. sensor: the "
-        "defaults of its keys if sensor.noise_deg > 0, else null. null: the paper's tracker, for exact bearings.",
+        "Treatment of noisy bearings, in place of kernel, centre, amplitude, length_scale, nugget and bound_delta, "
+        "which are refused beside it. sensor: the defaults of its keys if sensor.noise_deg > 0, else null. null: the "
+        "paper's tracker, for exact bearings.",
         "sensor, null, or a mapping",
     )
 
