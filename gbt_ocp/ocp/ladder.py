@@ -49,10 +49,11 @@ class _Attempt(NamedTuple):
 class Ladder:
     """Attempts of a solver, and the answers where they fail, in the order of the generated C.
 
-    The first attempt starts from the rest of the previous plan. It is answered by what the solver had when its iterations
-    were spent, or by that rest, if the first piece keeps the limits or mends what is broken already; by a cold solve; by
-    what the solver had, if its first piece keeps the thrust limits; and by a braking plan. Any other failed solution is never
-    executed and never a warm start. The iterations are bounded by those the solver allows itself in each solve.
+    The first attempt starts from the rest of the previous plan. It is answered by what the solver had when its
+    iterations were spent, or by that rest, if the first piece keeps the limits or mends what is broken already; by a
+    cold solve; by what the solver had, if its first piece keeps the thrust limits; and by a braking plan. Any other failed
+    solution is never executed and never a warm start. The iterations are bounded by those the solver allows itself in
+    each solve.
 
     Parameters
     ----------
@@ -99,9 +100,8 @@ class Ladder:
             fallback, trajectory = "cold", again.trajectory
             iterations, tightened = iterations + again.iterations, tightened + again.tightened
             unfinished = unfinished or again.unfinished
-        if trajectory is None and unfinished is not None:
-            if self._keeps(given, unfinished, thrust_only=True):
-                fallback, trajectory = "unfinished", unfinished
+        if trajectory is None and unfinished is not None and self._keeps(given, unfinished, thrust_only=True):
+            fallback, trajectory = "unfinished", unfinished
         if trajectory is None:
             fallback, trajectory = "braking", self._braking(start)
         return self._judge(given, trajectory, first.status, fallback, iterations, tightened)
