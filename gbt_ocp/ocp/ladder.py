@@ -51,9 +51,9 @@ class Ladder:
 
     The first attempt starts from the rest of the previous plan. It is answered by what the solver had when its
     iterations were spent, or by that rest, if the first piece keeps the limits or mends what is broken already; by a
-    cold solve; by what the solver had, if its first piece keeps the thrust limits; and by a braking plan. Any other failed
-    solution is never executed and never a warm start. The iterations are bounded by those the solver allows itself in
-    each solve.
+    cold solve; by what the solver had, if its first piece keeps the thrust limits; and by a braking plan. Any other
+    failed solution is never executed and never a warm start. The iterations are bounded by those the solver allows
+    itself in each solve.
 
     Parameters
     ----------
