@@ -69,7 +69,7 @@ def run(setting: Configuration) -> dict[str, Any]:
         np.append(times, times[-1] + sensor.period * np.arange(1, round(AHEAD / sensor.period) + 1))
     )
     own = observer(truth[: len(times)], times, seed)
-    tracker = build_tracker(setting, own[0])
+    tracker = build_tracker(setting.tracker, own[0], build_sensor(setting))
     step, lead = round(EVERY / sensor.period), round(AHEAD / sensor.period)
     errors, squares, spent = [], [], []
     for k, time in enumerate(times):

@@ -292,7 +292,7 @@ def loop(arguments: argparse.Namespace) -> None:
             key = (case, preset, pull, pieces, name, str(seed))
             if key not in done:
                 values = one_run(case, preset, float(pull), int(pieces), name, seed, arguments.seconds)
-                done[key] = [*key, *(f"{value:.6g}" for value in values)]
+                done[key] = [*key, *(str(float(value)) for value in values)]
                 with path.open("a", encoding="utf-8", newline="") as file:
                     csv.writer(file).writerow(done[key])
         found = np.array(

@@ -16,9 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     __version__: str
+    from gbt_ocp.experiments.build.tracker_kinds import TrackerKind
     from gbt_ocp.experiments.config.faults import ConfigurationError
     from gbt_ocp.experiments.config.loading import load_config
-    from gbt_ocp.experiments.config.schema import Configuration
+    from gbt_ocp.experiments.config.schema import Configuration, register_tracker
+    from gbt_ocp.experiments.config.tracker import TrackerSection
     from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
     from gbt_ocp.experiments.replay import replay
     from gbt_ocp.experiments.result import Result
@@ -35,9 +37,12 @@ _HOMES = {
     "History": "simulation.history",
     "Result": "experiments.result",
     "Sweep": "experiments.sweep.carry_out",
+    "TrackerKind": "experiments.build.tracker_kinds",
+    "TrackerSection": "experiments.config.tracker",
     "TrackingProblem": "experiments.config.tracking_problem",
     "compare": "studies.limits.compare",
     "load_config": "experiments.config.loading",
+    "register_tracker": "experiments.config.schema",
     "replay": "experiments.replay",
     "reproduce": "studies.paper.reproduce",
     "run": "experiments.run",
@@ -51,9 +56,12 @@ __all__ = [
     "History",
     "Result",
     "Sweep",
+    "TrackerKind",
+    "TrackerSection",
     "TrackingProblem",
     "compare",
     "load_config",
+    "register_tracker",
     "replay",
     "reproduce",
     "run",

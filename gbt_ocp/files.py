@@ -24,6 +24,13 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 
+UNPACKED, PACKED = 2**28, 200
+"""Arrays of more bytes than the first that are so many times the size of their file are not read.
+
+What a run leaves is at most three times the size of its file: its times and its clocks hardly shrink.
+"""
+
+
 def read_arrays(
     path: str | os.PathLike[str], names: Iterable[str], kind: str, *, optional: Iterable[str] = ()
 ) -> dict[str, NDArray[Any]]:
@@ -36,14 +43,15 @@ def read_arrays(
     names
         Of the arrays.
     kind
-        What the file should be, for the line that says that it is none.
+        What the file should be, for the message.
     optional
         Names of arrays that the file may lack.
 
     Raises
     ------
     ValueError
-        If the file is no ``.npz``, is damaged, or an array is missing; the line names the file.
+        If the file is no ``.npz``, is damaged, an array is missing, or the arrays unpack to far more than the file;
+        the line names the file.
     OSError
         If it cannot be opened.
     """
@@ -56,6 +64,10 @@ def read_arrays(
                 if missing:
                     raise ValueError(f"missing arrays: {', '.join(missing)}")
                 found = [*wanted, *(name for name in optional if name in archive.files)]
+                size = sum(archive.zip.getinfo(f"{name}.npy").file_size for name in found)
+                allowed = max(UNPACKED, PACKED * os.fstat(stream.fileno()).st_size)
+                if size > allowed:
+                    raise ValueError(f"found {size:.3g} bytes of arrays; allowed: {allowed:.3g} in a file of its size")
                 return {name: archive[name] for name in found}
         except Exception as fault:
             # Bytes that are not what was written make zipfile, zlib and numpy raise almost anything: RuntimeError

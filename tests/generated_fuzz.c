@@ -98,10 +98,11 @@ static const char *judge(const problem *x, const gbt_planner *planner, const gbt
     double z[GBT_ORDERS][GBT_FLAT], worst = 0;
     if (!x->finite) return plan->status == GBT_NOT_FINITE && plan->origin == GBT_NO_PLAN ? 0 : "bad input accepted";
     if (plan->status == GBT_NOT_FINITE) return "good input refused";
-    if (plan->status < 0 || plan->status > GBT_BROKEN_BETWEEN_NODES) return "unknown status";
-    if (plan->iterations > 2 * (GBT_TIGHTENINGS + 1) * planner->settings.deadline) return "too many iterations";
-    if (plan->status == GBT_SOLVED && plan->origin != GBT_PLANNED) return "solved, but not planned";
-    if (plan->status != GBT_SOLVED && plan->origin == GBT_PLANNED) return "planned, but not solved";
+    if (plan->status < 0 || plan->status > GBT_GIVEN_UP) return "unknown status";
+    if (plan->iterations > planner->settings.deadline) return "too many iterations";
+    const int answered = plan->status == GBT_SOLVED || plan->status == GBT_GIVEN_UP;
+    if (answered && plan->origin != GBT_PLANNED) return "solved, but not planned";
+    if (!answered && plan->origin == GBT_PLANNED) return "planned, but not solved";
     for (int a = 0; a < GBT_STATE; a++) z[a / GBT_FLAT][a % GBT_FLAT] = x->state[a];
     for (int i = 0; i < GBT_PIECES; i++) {
         for (int a = 0; a < GBT_FREE; a++) z[GBT_JOINED + a / GBT_FLAT][a % GBT_FLAT] = plan->top[i][a];

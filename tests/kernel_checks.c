@@ -112,7 +112,7 @@ static void draw(int seed, const double *parameters)
     work.count = GBT_COUNT;
     work.parameters = parameters;
     work.moving = parameters + GBT_LIMIT_NUMBERS;
-    work.tightening = 0;
+    for (int q = 0; q < GBT_LIMITS; q++) work.tightening[q] = 0;
     for (int a = 0; a < GBT_STATE; a++) start[a] = uniform();
     for (int a = 0; a < N; a++) x[a] = uniform() * gbt_input_scale[a % GBT_FREE];
     for (int k = 0; k < GBT_COUNT; k++) lambda[k] = 1 + uniform();

@@ -99,6 +99,7 @@ def history(dimension: int = 2, steps: int = 300, planner: bool = True, tuned: b
         fallback=fallback,
         desired_bearing=bearing,
         piece_thrust_peak=peak,
+        off_plan=np.zeros(count) if planner else unknown,
     )
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
 from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
-from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.priors import RangedPrior
 
 PERIOD, STEPS, NOISE, DENSITY = 0.1, 400, np.radians(1.0), 1e-4
 START, VELOCITY = np.array([-2.0, 10.0]), np.array([0.2, -0.1])
@@ -32,7 +32,7 @@ def measured(seed):
 
 def pseudo_linear(bearings, start, **keys):
     tracker = PseudoLinearKalmanFilter(
-        PositionPrior(np.zeros(2), 3.0, start, KNOWN),
+        RangedPrior(np.zeros(2), start, KNOWN, range=3.0),
         initial_variance=0.25,
         process_noise=DENSITY,
         bearing_std=NOISE,

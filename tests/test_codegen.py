@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import casadi as ca
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 from gbt_ocp.cli import main as cli
+from gbt_ocp.experiments.run import run
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
 from gbt_ocp.guidance.target_limits import FieldOfView, RangeLimits
 from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
@@ -68,7 +70,7 @@ def test_it_runs_clean_under_the_sanitizers(folder, tmp_path):
     flags = "-O1 -fsanitize=address,undefined -fno-sanitize-recover=all"
     (tmp_path / "empty.c").write_text("int main(void) { return 0; }\n")
     tried = subprocess.run(
-        [find_compiler(), *flags.split(), "empty.c", "-o", "empty"], cwd=tmp_path, capture_output=True, check=False
+        [*find_compiler(), *flags.split(), "empty.c", "-o", "empty"], cwd=tmp_path, capture_output=True, check=False
     )
     if tried.returncode != 0 or subprocess.run([tmp_path / "empty"], check=False).returncode != 0:
         pytest.skip("no sanitizers")
@@ -152,7 +154,7 @@ def test_the_kernel_s_default_settings_are_those_of_the_options(pieces):
 def test_nothing_is_overwritten_and_nothing_half_written(tmp_path):
     (tmp_path / "planner").mkdir()
     (tmp_path / "planner" / "mine.txt").write_text("mine")
-    with pytest.raises(FileExistsError, match="not an empty folder"):
+    with pytest.raises(FileExistsError, match="exists and is not empty"):
         write_c(Planner(fossen(2, "hard"), "compiled"), tmp_path / "planner")
     with pytest.raises(ValueError, match="allowed keys"):
         write_c(Planner(fossen(2, "hard"), "compiled", {"fast": 1}), tmp_path / "other")
@@ -257,3 +259,27 @@ def test_the_command_line_writes_verifies_and_refuses(tmp_path, capsys, monkeypa
     assert cli.main(["codegen", "case2", "--out", "planner"]) == 2
     assert "not an empty folder" in capsys.readouterr().err
     assert cli.main(["codegen", "case9", "--out", "other"]) == 2
+    assert cli.main(["codegen", "case2", "--out", "other", "--prefix", "Bow"]) == 2
+    assert "--prefix: found 'Bow'; allowed: " in capsys.readouterr().err
+    assert cli.main(["codegen", "case2", "--out", "ipopt", "--prefix", "bow_", "--solver", "ipopt"]) == 0
+    assert (tmp_path / "ipopt" / "bow_planner_ipopt.h").is_file()
+
+
+TUTORIAL = Path(__file__).parents[1] / "docs" / "tutorial" / "new_objective.py"
+
+
+def test_the_tutorial_s_own_objective_is_generated_from_the_command_line(tmp_path, capsys):
+    """Its steps are those of a closed loop: what the planner is given in a run of the same problem."""
+    folder = tmp_path / "planner"
+    assert cli.main(["codegen", str(TUTORIAL), "--out", str(folder), "--verify", "--prefix", "eco_"]) == 0
+    found = int(re.search(r"(\d+) recorded steps", capsys.readouterr().out)[1])
+    assert found > 10
+    history = run(str(TUTORIAL), overrides=["planner.solver=compiled", "duration_s=2"]).history
+    text = (folder / "vectors.h").read_text()
+    rows = re.search(r"vector_endpoints\[\d+\]\[\d+\] = \{(.*?)\};", text, re.DOTALL)[1]
+    recorded = np.array([row.split(",") for row in re.findall(r"[^{}]*\d[^{}]*", rows)], dtype=float)
+    planned = history.plan.reshape(len(history.plan), -1)
+    assert all(np.abs(planned - row).max(axis=1).min() < 1e-9 for row in recorded)
+    refused = ["codegen", str(TUTORIAL), "--out", str(tmp_path / "other"), "--set", "guidance.kind=static"]
+    assert cli.main(refused) == 2
+    assert "guidance.kind: found static; allowed: planner" in capsys.readouterr().err

@@ -182,8 +182,11 @@ WRONG = (
         (variant(Moving, bind=None), ["Moving.bind: found nothing"]),
         (variant(Moving, value=lambda self, point: point.z), ["Moving.value: found the arguments (point)"]),
         (variant(Moving, at_knot=lambda self, mean: {}), ["Moving.at_knot: found the arguments"]),
-        (variant(Moving, at_knot=lambda self, m, c: {"centre": c}), ["Moving.at_knot, 'centre': found shape (2, 2)"]),
-        (variant(Moving, at_knot=lambda self, m, c: [m]), ["Moving.at_knot: found ["]),
+        (
+            variant(Moving, at_knot=lambda self, m, c, present: {"centre": c}),
+            ["Moving.at_knot, 'centre': found shape (2, 2)"],
+        ),
+        (variant(Moving, at_knot=lambda self, m, c, present: [m]), ["Moving.at_knot: found ["]),
         (Box, ["Box: found the class"]),
         (SpeedLimit(3, 1.0), ["SpeedLimit.dimension: found 3; allowed: 2"]),
     ],

@@ -12,10 +12,14 @@ import pytest
 import yaml
 
 from gbt_ocp.cli import parser as command_line
+from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
 from gbt_ocp.experiments.config.allowed import allowed, is_section, with_sizes
 from gbt_ocp.experiments.config.keys import sections_in
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.ocp.codegen.options import CompiledOptions
+from gbt_ocp.ocp.solvers.base import options_for
+from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -104,6 +108,44 @@ def test_commands_parse(name):
         configs = arguments.config if isinstance(arguments.config, list) else [arguments.config]
         for config in filter(None, configs):  # a sweep that is taken up needs none
             load_config(source(config, (ROOT / name).parent), overrides=overrides)
+
+
+def solver_options():
+    """Every mapping that a document gives ``planner.solver_options``, with its document."""
+    for name, text in DOCUMENTS.items():
+        for mapping in re.findall(r"solver_options`?(?: may hold[^{]*|: |=|, for example `)(\{[^`]*\})`", text):
+            yield pytest.param(yaml.safe_load(mapping), id=f"{name} {mapping}")
+
+
+def test_solver_options_are_documented():
+    assert len(list(solver_options())) >= 4
+
+
+@pytest.mark.parametrize("options", list(solver_options()))
+def test_documented_solver_options_are_those_of_a_solver(options):
+    problem = problem_of_case2()
+    refused = []
+    for solver in ("compiled", "ipopt"):
+        own = options_for(solver, options)
+        try:
+            CompiledOptions.checked(own, problem.pieces) if solver == "compiled" else IpoptSolver(problem, own)
+        except ValueError as fault:
+            refused.append(str(fault))
+    # those of one solver are not known to the other, unless each stands under the solver's name
+    assert len(refused) <= (0 if set(options) <= {"compiled", "ipopt"} else 1), refused
+
+
+def problem_of_case2():
+    configuration = load_config("case2")
+    return build_problem(configuration, build_vehicle(configuration))
+
+
+def test_getting_started_activates_the_environment_before_the_first_command_that_needs_it():
+    text = DOCUMENTS["docs/getting-started.md"]
+    commands = [line.strip() for line in text.splitlines() if re.match(r" {4}gbt-ocp|.venv/bin/|pip |source ", line)]
+    assert commands[:2] == ["source .venv/bin/activate", "pip install ."]
+    assert all(not line.startswith(".venv") for line in commands)
+    assert sum(line.startswith("gbt-ocp") for line in commands) >= 7
 
 
 def source(config, folder):

@@ -7,13 +7,13 @@ from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess, ImmExtendedTracker, linearised
 from gbt_ocp.tracking.filters.imm import InteractingMultipleModel
 from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
-from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.priors import RangedPrior
 
 SIGMA = np.deg2rad(1.0)
 
 
 def known(mean, covariance, speed_std=1.0):
-    prior = PositionPrior(np.zeros(len(mean)), 3.0, np.asarray(mean, dtype=float), np.asarray(covariance))
+    prior = RangedPrior(np.zeros(len(mean)), np.asarray(mean, dtype=float), np.asarray(covariance), range=3.0)
     return FirstGuess(prior, 1.0, speed_std)
 
 
@@ -80,8 +80,8 @@ def test_an_update_is_the_posterior_on_a_grid():
 def test_the_pseudo_linear_filter_ends_on_the_vehicle_where_the_extended_one_does_not():
     """At 1 degree and 10 Hz, the reason for these filters."""
     times, target, own, bearings = circling(0)
-    guess = FirstGuess(PositionPrior(np.zeros(2), 50.0), 25.0, 1.0)
-    prior = PositionPrior(np.zeros(2), 50.0)
+    guess = FirstGuess(RangedPrior(np.zeros(2), range=50.0), 25.0, 1.0)
+    prior = RangedPrior(np.zeros(2), range=50.0)
     plain = PseudoLinearKalmanFilter(prior, initial_variance=100.0, process_noise=3e-3, bearing_std=SIGMA)
     extended = ExtendedKalmanFilter(guess, process_noise=3e-3, bearing_std=SIGMA)
     interacting = ImmExtendedTracker(guess, models(), bearing_std=SIGMA)
@@ -93,7 +93,7 @@ def test_the_pseudo_linear_filter_ends_on_the_vehicle_where_the_extended_one_doe
 @pytest.mark.parametrize("seed", [1, 2])
 def test_in_space_both_find_the_target_with_an_honest_spread(seed):
     times, target, own, bearings = circling(seed, 3)
-    guess = FirstGuess(PositionPrior(np.zeros(3), 50.0), 25.0, 1.0)
+    guess = FirstGuess(RangedPrior(np.zeros(3), range=50.0), 25.0, 1.0)
     for tracker in (
         ExtendedKalmanFilter(guess, process_noise=3e-3, bearing_std=SIGMA),
         ImmExtendedTracker(guess, models(), bearing_std=SIGMA),
@@ -105,13 +105,13 @@ def test_in_space_both_find_the_target_with_an_honest_spread(seed):
 
 
 def test_before_the_first_bearing_there_is_no_covariance_and_wrong_parameters_are_refused():
-    guess = FirstGuess(PositionPrior(np.zeros(2), 50.0), 25.0, 1.0)
+    guess = FirstGuess(RangedPrior(np.zeros(2), range=50.0), 25.0, 1.0)
     tracker = ExtendedKalmanFilter(guess, process_noise=1e-3, bearing_std=SIGMA)
     assert np.all(np.isnan(tracker.predict([0.0]).covariance))
     with pytest.raises(ValueError, match="allowed: numbers > 0"):
         ExtendedKalmanFilter(guess, process_noise=0.0, bearing_std=SIGMA)
     with pytest.raises(ValueError, match="range_std and speed_std"):
-        FirstGuess(PositionPrior(np.zeros(2), 50.0), 0.0, 1.0)
+        FirstGuess(RangedPrior(np.zeros(2), range=50.0), 0.0, 1.0)
     with pytest.raises(ValueError, match="bearing_std: found"):
         ImmExtendedTracker(guess, models(), bearing_std=0.0)
     # on top of the vehicle there is no bearing, and no fault

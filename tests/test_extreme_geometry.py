@@ -5,6 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from gbt_ocp.experiments.build.loop import build_sensor
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.models.bearings import (
@@ -78,7 +79,11 @@ def test_trackers_stay_finite_with_a_covariance(name, dimension):
     @settings(FEW, max_examples=5 if name in ("motion_gp", "mixture", "noisy gp") else 15)  # these take a while
     @given(stories(dimension))
     def once(story):
-        tracker, time, latest = build_tracker(configuration, np.zeros(dimension)), 0.0, -np.inf
+        tracker, time, latest = (
+            build_tracker(configuration.tracker, np.zeros(dimension), build_sensor(configuration)),
+            0.0,
+            -np.inf,
+        )
         for direction, reach, step, own in story:
             own = np.array(own)
             time += step

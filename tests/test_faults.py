@@ -46,15 +46,15 @@ def test_a_solver_that_fails_for_twenty_steps_is_answered_and_named(kind):
     assert set(arrays["solver_status"][failed]) == {WORDS[kind]}
     assert np.all(arrays["fallback"][failed] != "")
     assert np.all(arrays["fallback"][~failed] == "")
-    # the rest of the last plan first, and the target is not lost by it
-    assert arrays["fallback"][8] == "shifted"
+    # an iterate or the rest of the last plan first, and the target is not lost by it
+    assert arrays["fallback"][8] == ("unfinished" if kind == "limit" else "shifted")
     assert arrays["error"][-1].mean() < 0.1
 
 
 def test_a_solver_that_never_answers_leaves_a_vehicle_that_brakes():
     recording = run("case5", solver=("raises", set(range(31))), seconds=1.0)
     assert is_sound(recording)
-    assert set(recording.arrays["fallback"]) <= {"braking", "shifted"}
+    assert set(recording.arrays["fallback"]) <= {"braking", "shifted", "unfinished"}
     speed = np.linalg.norm(recording.arrays["vehicle_velocity"][:, :3], axis=1)
     assert speed.max() < 1e-9  # it starts at rest and has no reason to move
 

@@ -37,10 +37,10 @@ def build_parts(configuration):
     streams = build.Streams.of(configuration.seed)
     vehicle = build.build_vehicle(configuration)
     target = build.build_target(configuration, streams.target)
-    build.build_sensor(configuration)
+    sensor = build.build_sensor(configuration)
     start = build.build_start(configuration, vehicle, streams.start, target.position(0.0))
     assert np.all(np.isfinite(start))
-    tracker = build.build_tracker(configuration, start[0, : configuration.dimension])
+    tracker = build.build_tracker(configuration.tracker, start[0, : configuration.dimension], sensor)
     desired = build.paced(configuration, build_desired_bearing(configuration, vehicle), vehicle)
     if configuration.guidance.kind == "planner":
         build.build_problem(configuration, vehicle)

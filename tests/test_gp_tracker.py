@@ -4,9 +4,11 @@ import pytest
 from gbt_ocp.models.bearings import unit_bearing
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.gp.posterior import LARGEST_NUGGET
+from gbt_ocp.tracking.priors import PositionPrior
 
 TURN = np.array([[0.6, -0.8], [0.8, 0.6]])
 COVARIANCE = np.array([[4.0, 1.5], [1.5, 1.0]])
+KNOWN = PositionPrior(np.zeros(2), np.array([3.0, -1.0]), COVARIANCE)
 
 
 def circling(times):
@@ -32,21 +34,19 @@ def test_irregular_samples_need_no_special_case():
 
 
 def test_before_the_first_bearing_the_prior_is_the_answer():
-    tracker = GaussianProcessTracker(2, prior_position=[3.0, -1.0], prior_covariance=COVARIANCE, amplitude=50.0)
+    tracker = GaussianProcessTracker(2, prior=KNOWN, amplitude=50.0)
     forecast = tracker.predict([0.0])
     np.testing.assert_allclose(forecast.mean, [[3.0, -1.0]], atol=1e-9)
     # a Gaussian prior of variance a² seen through the covariance: (C⁻¹ + I/a²)⁻¹
     expected = np.linalg.inv(np.linalg.inv(COVARIANCE) + np.eye(2) / 2500.0)
     np.testing.assert_allclose(forecast.covariance[0], expected, rtol=1e-6)
-    plain = GaussianProcessTracker(2, start=[1.0, 2.0], amplitude=3.0).predict([0.0, 9.0])
+    plain = GaussianProcessTracker(2, prior=PositionPrior(np.array([1.0, 2.0])), amplitude=3.0).predict([0.0, 9.0])
     np.testing.assert_allclose(plain.mean, [[1.0, 2.0]] * 2)
     np.testing.assert_allclose(plain.covariance, [9.0 * np.eye(2)] * 2)
 
 
 def test_prior_and_bearing_are_combined_as_by_bayes():
-    tracker = GaussianProcessTracker(
-        2, prior_position=[3.0, -1.0], prior_covariance=COVARIANCE, amplitude=1e4, length_scale=1.0, nugget=1e-16
-    )
+    tracker = GaussianProcessTracker(2, prior=KNOWN, amplitude=1e4, length_scale=1.0, nugget=1e-16)
     tracker.update(4.0, [0.6, 0.8], [1.0, 1.0])
     # A Kalman update of the prior with the line λ̄ᵀP = λ̄ᵀP_A; the amplitude is all but infinite.
     normal = np.array([-0.8, 0.6])
@@ -63,7 +63,7 @@ def test_the_prior_position_leaves_with_the_first_bearing(centre):
     settings = {"window": 5, "length_scale": 2.0, "amplitude": 3.0, "nugget": 1e-9, "centre": centre}
     times = 0.1 * np.arange(9)
     trackers = [
-        GaussianProcessTracker(2, **settings, prior_position=[9.0, 9.0], prior_covariance=0.01 * np.eye(2)),
+        GaussianProcessTracker(2, **settings, prior=PositionPrior(np.zeros(2), np.full(2, 9.0), 0.01 * np.eye(2))),
         GaussianProcessTracker(2, **settings),
     ]
     target, own = circling(times)
@@ -82,10 +82,11 @@ def test_the_prior_position_leaves_with_the_first_bearing(centre):
 def test_a_rotated_world_gives_the_rotated_answer(tuned):
     settings = {"window": 20} if tuned else {"window": 20, "length_scale": 2.0, "amplitude": 3.0}
     position = np.array([2.5, 0.0])
-    plain = GaussianProcessTracker(2, **settings, nugget=1e-8, prior_position=position, prior_covariance=COVARIANCE)
-    turned = GaussianProcessTracker(
-        2, **settings, nugget=1e-8, prior_position=TURN @ position, prior_covariance=TURN @ COVARIANCE @ TURN.T
+    priors = (
+        PositionPrior(np.zeros(2), position, COVARIANCE),
+        PositionPrior(np.zeros(2), TURN @ position, TURN @ COVARIANCE @ TURN.T),
     )
+    plain, turned = (GaussianProcessTracker(2, **settings, nugget=1e-8, prior=prior) for prior in priors)
     for count in (1, 3, 8):
         fed(0.1 * np.arange(count) + 10.0 * count, plain)
         fed(0.1 * np.arange(count) + 10.0 * count, turned, TURN)
@@ -98,8 +99,8 @@ def test_a_rotated_world_gives_the_rotated_answer(tuned):
 
 @pytest.mark.parametrize("covariance", [None, -np.eye(2), np.zeros((2, 2))])
 def test_a_prior_needs_a_positive_covariance(covariance):
-    with pytest.raises(ValueError, match="prior_covariance"):
-        GaussianProcessTracker(2, prior_position=[0.0, 0.0], prior_covariance=covariance)
+    with pytest.raises(ValueError, match="covariance"):
+        PositionPrior(np.zeros(2), np.zeros(2), covariance)
 
 
 def test_what_is_refused_leaves_the_tracker_unchanged():

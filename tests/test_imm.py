@@ -5,7 +5,7 @@ import pytest
 
 from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
 from gbt_ocp.tracking.filters.imm import MODES, ImmPositionTracker, ImmPseudoLinearTracker, InteractingMultipleModel
-from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.priors import RangedPrior
 
 PERIOD = 0.1
 
@@ -16,7 +16,7 @@ def models(**keys):
 
 
 def prior(dimension=2, std=3.0):
-    return PositionPrior(np.zeros(dimension), 3.0, np.zeros(dimension), std**2 * np.eye(dimension))
+    return RangedPrior(np.zeros(dimension), np.zeros(dimension), std**2 * np.eye(dimension), range=3.0)
 
 
 def manoeuvring(times):

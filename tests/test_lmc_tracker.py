@@ -10,9 +10,14 @@ from gbt_ocp.tracking.gp.bounds import posterior_bound
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.gp.lmc import CoregionalizedTracker
 from gbt_ocp.tracking.gp.posterior import LARGEST_NUGGET
+from gbt_ocp.tracking.priors import PositionPrior
 from gbt_ocp.tracking.protocol import GaussianProcess
 
 COVARIANCE = np.array([[4.0, 1.5], [1.5, 1.0]])
+
+
+def known_at(position, covariance=COVARIANCE):
+    return PositionPrior(np.zeros(2), np.array(position), covariance)
 
 
 def motion(times, dimension=2, slope=-0.6):
@@ -62,11 +67,11 @@ def test_the_covariance_of_the_axes_has_the_sign_of_the_motion(slope):
 
 
 def test_before_the_first_bearing_the_prior_is_the_answer():
-    tracker = CoregionalizedTracker(2, prior_position=[3.0, -1.0], prior_covariance=COVARIANCE)
-    plain = GaussianProcessTracker(2, prior_position=[3.0, -1.0], prior_covariance=COVARIANCE)
+    tracker = CoregionalizedTracker(2, prior=known_at([3.0, -1.0]))
+    plain = GaussianProcessTracker(2, prior=known_at([3.0, -1.0]))
     for found, expected in zip(tracker.predict([0.0]), plain.predict([0.0]), strict=True):
         np.testing.assert_allclose(found, expected, atol=1e-9)
-    unknown = CoregionalizedTracker(2, start=[1.0, 2.0])
+    unknown = CoregionalizedTracker(2, prior=PositionPrior(np.array([1.0, 2.0])))
     np.testing.assert_allclose(unknown.predict([0.0, 9.0]).mean, [[1.0, 2.0]] * 2)
     np.testing.assert_allclose(unknown.predict([0.0]).covariance[0], 9.0 * np.eye(2))
     assert np.all(np.isfinite(unknown.bound([0.0, 1.0], 0.05)))
@@ -74,11 +79,11 @@ def test_before_the_first_bearing_the_prior_is_the_answer():
 
 def test_the_prior_position_leaves_with_the_first_bearing():
     times = 0.1 * np.arange(9)
-    known = CoregionalizedTracker(2, window=5, prior_position=[2.0, 1.05], prior_covariance=0.0001 * np.eye(2))
+    known = CoregionalizedTracker(2, window=5, prior=known_at([2.0, 1.05], 0.0001 * np.eye(2)))
     fed(known, times[:1])
     # one bearing alone says nothing of range
     np.testing.assert_allclose(known.predict([0.0]).mean[0], [2.0, 1.05], atol=0.01)
-    known = fed(CoregionalizedTracker(2, window=5, prior_position=[2.0, 1.05], prior_covariance=COVARIANCE), times[:5])
+    known = fed(CoregionalizedTracker(2, window=5, prior=known_at([2.0, 1.05])), times[:5])
     assert len(known._measurements().times) == 5 + 2
     known.update(0.5, [1.0, 0.0], [0.0, 0.0])
     assert len(known._measurements().times) == 5

@@ -202,12 +202,12 @@ def test_e11_the_vehicle_follows_the_flat_output_or_its_dynamics_within_the_limi
     plan = Plan(FlatTrajectory(period, start, top), "solved", 0.0, 0.0, np.zeros(1), 1, 0.0)
     planned = start[0] + period * start[1] + 0.5 * period**2 * top[0]
 
-    exact = Mover(FALCON, period, "exact").follow(plan)
+    exact = Mover(FALCON, period, "exact").follow(FALCON.state(*start), plan)
     assert exact.clipped is not within
     if within:
         np.testing.assert_allclose(exact.flat, [planned, start[1] + period * top[0]], rtol=1e-12)
 
-    moved = Mover(FALCON, period, "dynamics").follow(plan)
+    moved = Mover(FALCON, period, "dynamics").follow(FALCON.state(*start), plan)
     thrust, limit = flat_inputs(FALCON), FALCON.thrust_max
 
     def rates(s, x):

@@ -7,6 +7,7 @@ from scipy.stats import multivariate_normal, norm
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
+from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.tracking.bins import BinnedBearings
 from gbt_ocp.tracking.displacement.fit import Anchor, MotionFit, Node
 from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS
@@ -32,7 +33,8 @@ SETTINGS = {
 
 def built(dimension=2, **changes):
     problem = "case2" if dimension == 2 else "case5"
-    return build_tracker(load_config({"problem": problem, "tracker": {**SETTINGS, **changes}}), np.zeros(dimension))
+    section = load_config({"problem": problem, "tracker": {**SETTINGS, **changes}}).tracker
+    return build_tracker(section, np.zeros(dimension), BearingSensor(0.1))
 
 
 def single(bearing, own, count=1.0, time=0.0):
@@ -292,7 +294,7 @@ def test_the_keys_of_the_motion_survive_the_change_of_kind():
     back = load_config("sea2d", ["tracker.kind=mixture", "tracker.velocity_time_s=9", "tracker.kind=motion_gp"])
     assert back.tracker == shipped.tracker
     replayed = load_config("replay", ["tracker.kind=mixture"])
-    tracker = build_tracker(replayed, np.zeros(2))
+    tracker = build_tracker(replayed.tracker, np.zeros(2), BearingSensor(0.1))
     assert isinstance(tracker, MixtureTracker)
     assert isinstance(tracker.motion, MotionShapeTracker)
     assert tracker.motion.bins.width == 2.0

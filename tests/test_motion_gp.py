@@ -5,6 +5,7 @@ import pytest
 
 from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
 from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.priors import PositionPrior
 from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
 
 SIGMA = np.deg2rad(1.0)
@@ -12,7 +13,7 @@ SIGMA = np.deg2rad(1.0)
 
 def tracker_of(dimension=2, **keys):
     keys = {"window": 40.0, "update": 2.0, "bin_width": 2.0, **keys}
-    return MotionShapeTracker(dimension, noise=BearingNoise(SIGMA), start=np.zeros(dimension), **keys)
+    return MotionShapeTracker(dimension, noise=BearingNoise(SIGMA), **keys)
 
 
 def sailed(dimension=2, duration=50.0, turn=0.02, seed=0, around=True):
@@ -136,7 +137,7 @@ def test_a_lost_track_is_noticed_and_begun_anew():
 
 def test_a_known_position_is_used_while_its_time_is_in_the_window():
     times, _, own, bearings = sailed(duration=60.0)
-    tracker = tracker_of(known_position=[5.0, 0.0], known_covariance=4.0 * np.eye(2))
+    tracker = tracker_of(position=PositionPrior(np.zeros(2), np.array([5.0, 0.0]), 4.0 * np.eye(2)))
     assert tracker.predict([0.0]).mean[0] == pytest.approx([5.0, 0.0])
     fed(tracker, times[:2], own[:2], bearings[:2])
     assert tracker.range_observable
@@ -148,8 +149,6 @@ def test_a_known_position_is_used_while_its_time_is_in_the_window():
 def test_wrong_parameters_are_refused():
     with pytest.raises(ValueError, match="gate > 0"):
         tracker_of(gate=0.0)
-    with pytest.raises(ValueError, match="known_covariance is needed"):
-        tracker_of(known_position=[0.0, 0.0])
     tracker = tracker_of()
     tracker.update(1.0, [1.0, 0.0], [0.0, 0.0])
     with pytest.raises(ValueError, match="time must increase"):

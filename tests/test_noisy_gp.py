@@ -10,7 +10,7 @@ from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS
 from gbt_ocp.tracking.displacement.tracker import NoisyGaussianProcessTracker
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.noise import BearingNoise
-from gbt_ocp.tracking.priors import LogNormal
+from gbt_ocp.tracking.priors import LogNormal, PositionPrior
 
 ONE_DEGREE = np.radians(1.0)
 
@@ -84,7 +84,7 @@ def test_with_measured_tangents_the_same_bearings_are_told_wrong():
 def test_one_bearing_says_nothing_about_range_and_a_circle_says_all():
     times = 0.1 * np.arange(40)
     target = np.tile([6.0, 1.0], (40, 1))
-    tracker = NoisyGaussianProcessTracker(2, noise=BearingNoise(ONE_DEGREE), start=[0.5, 0.0])
+    tracker = NoisyGaussianProcessTracker(2, noise=BearingNoise(ONE_DEGREE), prior=PositionPrior(np.array([0.5, 0.0])))
     before = tracker.predict([0.0])
     np.testing.assert_allclose(before.mean, [[0.5, 0.0]])
     assert not tracker.range_observable
@@ -113,7 +113,7 @@ def test_a_known_position_is_used_at_the_start():
     times = 0.1 * np.arange(3)
     target = np.tile([6.0, 1.0], (3, 1))
     tracker = NoisyGaussianProcessTracker(
-        2, noise=BearingNoise(ONE_DEGREE), prior_position=[6.2, 1.0], prior_covariance=0.04 * np.eye(2)
+        2, noise=BearingNoise(ONE_DEGREE), prior=PositionPrior(np.zeros(2), np.array([6.2, 1.0]), 0.04 * np.eye(2))
     )
     np.testing.assert_allclose(tracker.predict([0.0]).mean, [[6.2, 1.0]])
     fed(tracker, times, target, np.zeros((3, 2)), ONE_DEGREE, np.random.default_rng(0))
@@ -245,9 +245,7 @@ def test_what_is_refused_leaves_the_tracker_unchanged():
     np.testing.assert_array_equal(tracker.predict([1.2]).mean, before)
 
 
-@pytest.mark.parametrize(
-    "settings", [{"kernel": "rq"}, {"linearisations": 0}, {"tails": 0.0}, {"prior_position": [0.0, 0.0]}], ids=str
-)
+@pytest.mark.parametrize("settings", [{"kernel": "rq"}, {"linearisations": 0}, {"tails": 0.0}], ids=str)
 def test_parameters_out_of_range_are_refused(settings):
     with pytest.raises(ValueError, match=next(iter(settings))):
         NoisyGaussianProcessTracker(2, noise=BearingNoise(ONE_DEGREE), **settings)

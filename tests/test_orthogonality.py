@@ -5,13 +5,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gbt_ocp.tracking.filters.orthogonality import OrthogonalityTracker
-from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.priors import RangedPrior
 
 PERIOD = 0.02
 
 
 def nothing_known(dimension, distance=3.0):
-    return PositionPrior(np.zeros(dimension), distance)
+    return RangedPrior(np.zeros(dimension), range=distance)
 
 
 def circling(tracker, target, rate, seconds, radius=2.0, period=PERIOD):
@@ -101,7 +101,7 @@ def test_a_step_is_motion_and_then_the_flow_of_the_feedback():
 
 
 def test_it_has_no_covariance_and_begins_on_the_first_bearing():
-    known = PositionPrior(np.array([9.0, 9.0]), 3.0, np.array([1.0, 2.0]), np.diag([4.0, 1.0]))
+    known = RangedPrior(np.array([9.0, 9.0]), np.array([1.0, 2.0]), np.diag([4.0, 1.0]), range=3.0)
     tracker = OrthogonalityTracker(known, position_gain=1.0)
     np.testing.assert_array_equal(tracker.predict([0.0, 1.0]).mean, [[1.0, 2.0], [1.0, 2.0]])
     g, own = np.array([0.6, 0.8]), np.array([-3.0, 0.0])

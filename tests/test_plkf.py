@@ -5,13 +5,13 @@ import pytest
 
 from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
 from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
-from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.priors import RangedPrior
 
 
 def build(dimension=2, mean=None, covariance=None, **keys):
     known = {} if mean is None else {"mean": np.asarray(mean, dtype=float), "covariance": np.asarray(covariance)}
     keys = {"initial_variance": 1.0, "process_noise": 0.1, "bearing_std": 0.01, **keys}
-    return PseudoLinearKalmanFilter(PositionPrior(np.zeros(dimension), 3.0, **known), **keys)
+    return PseudoLinearKalmanFilter(RangedPrior(np.zeros(dimension), **known, range=3.0), **keys)
 
 
 def around_a_static_target(seed, bias_compensated=False):

@@ -6,7 +6,7 @@ import pytest
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.targets import case_target
 from gbt_ocp.tracking.filters.polynomial import PolynomialRegression
-from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.priors import RangedPrior
 
 PERIOD = 0.1
 WINDOW = {2: 20, 3: 12}
@@ -16,7 +16,7 @@ def build(dimension, order, mean=None, **keys):
     known = {} if mean is None else {"mean": np.asarray(mean, dtype=float), "covariance": 9.0 * np.eye(dimension)}
     window = WINDOW[dimension]
     keys = {"window": window, "span": (window - 1) * PERIOD, "order": order, "ridge": 1e-8, **keys}
-    return PolynomialRegression(PositionPrior(np.zeros(dimension), 3.0, **known), **keys)
+    return PolynomialRegression(RangedPrior(np.zeros(dimension), **known, range=3.0), **keys)
 
 
 def circling(case, order):

@@ -120,7 +120,23 @@ HEAD = "t,own_x,own_y,bearing_rad\n"
         ("t,own_x,own_y,bearing_rad,elevation_rad\n0,0,0,0,0\n1,0,0,0,0\n", ["missing: own_z"]),
         (HEAD + "0,0,0,0\n1,0,zero,0\n", ["line 3", "own_y", '"zero"', "a finite number"]),
         (HEAD + "0,0,0,0\n1,0,nan,0\n", ["line 3", "own_y"]),
-        (HEAD + "0,0,0,0\n1,0,0\n", ["line 3", "bearing_rad", '""']),
+        (HEAD + "0,0,0,0\n1,0,0\n", ["line 3: found 3 cells", "allowed: 4"]),
+        (HEAD + "0,0,0,0\n1,0,0,0,7\n", ["line 3: found 5 cells", "allowed: 4"]),
+        ("t,own_x,depth,own_y,bearing_rad\n0,0,5,0,0\n1,0,0,0\n", ["line 3: found 4 cells", "allowed: 5"]),
+        ("t,own_x,own_y,bearing_rad,note\n0,0,0,0,a\n1,0,0,0,a, b\n", ["line 3: found 6 cells", "allowed: 5"]),
+        (HEAD + "0,0,0,0\n" + '1,"0,5",0,0\n', ["line 3", "own_x", '"0,5"', "a finite number"]),
+        (HEAD + "0,0,0,\n1,0,0,nan\n2,0,0,0\n", ["found 1 bearings", "at least 2"]),
+        ("t,own_x,own_y,own_z,bearing_rad,elevation_rad\n0,0,0,0,0,0\n1,0,0,0,0,\n", ["line 3", "elevation_rad", '""']),
+        ("t,own_x,own_y,own_z,bearing_rad,elevation_rad\n0,0,0,0,0,0\n1,0,0,0,,0\n", ["line 3", "bearing_rad", '""']),
+        (
+            "t,own_x,own_y,own_z,bearing_rad,elevation_rad,elevation_deg\n0,0,0,0,0,0,0\n1,0,0,0,0,0,0\n",
+            ["one of elevation_rad, elevation_deg"],
+        ),
+        (
+            "t,own_x,own_y,own_z,bearing_rad,elevation_rad,true_x,true_y\n0,0,0,0,0,0,0,0\n1,0,0,0,0,0,0,0\n",
+            ["found true_x, true_y without true_z", "allowed: all of true_x, true_y, true_z, or none"],
+        ),
+        ("t,own_x,own_y,bearing_rad,true_y\n0,0,0,0,1\n1,0,0,0,1\n", ["found true_y without true_x"]),
         (HEAD + "5,0,0,0\n1,0,0,0\n", ["line 3", "found 1 after 5", "increasing"]),
         ("t,t,own_x,own_y,bearing_rad\n0,0,0,0,0\n1,0,0,0,0\n", ["the column t twice"]),
     ],
@@ -216,7 +232,201 @@ def test_trackers_of_positions_are_refused(tmp_path):
         replay(path, {"tracker": {"kind": "imm_kf_f"}}, bearing_from="x")
 
 
+# Rows that are wider, coordinates of a map, rows without a bearing, several contacts
+
+
+def test_a_log_with_decimal_commas_is_refused_where_it_stands(tmp_path):
+    path = tmp_path / "log.csv"
+    rows = [f"{t:.1f},{0.3 * t:.1f},{0.9 * t:.1f},{80.0 + t:.1f}".replace(".", ",") for t in range(8)]
+    path.write_text("t,own_x,own_y,bearing_deg\n" + "\n".join(rows), encoding="utf-8")
+    with pytest.raises(ConfigurationError) as caught:
+        read_log(path, "north")
+    assert caught.value.faults[0] == f"{path}: line 2: found 8 cells; allowed: 4, as in the header"
+    assert caught.value.faults[-1] == f"{path}: and 3 more"
+
+
+def test_absolute_times_and_map_coordinates_come_out_as_exactly_as_they_went_in(tmp_path):
+    times, own, target, bearings = sailed(duration=20.0)
+    # sums of powers of two, so that moving the log there and back is exact
+    origin, start = np.array([565_248.0, 7_034_880.0]), 1.7e9
+    own, target = np.round(own * 256.0) / 256.0, np.round(target * 256.0) / 256.0
+    angle = np.arctan2(bearings[:, 1], bearings[:, 0])
+
+    def track(name, shift, begin):
+        columns = {"t": begin + times, "bearing_rad": angle}
+        for i, axis in enumerate("xy"):
+            columns[f"own_{axis}"], columns[f"true_{axis}"] = (own + shift)[:, i], (target + shift)[:, i]
+        found = replay(written(tmp_path / f"{name}.csv", columns), QUICK, bearing_from="x", trackers=["ekf"])
+        found.save(tmp_path / name, figures=False)
+        with (tmp_path / name / "ekf.csv").open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        read = {key: np.array([float(row[key]) for row in rows]) for key in rows[0]}
+        # what is in the file is what was computed, to the last bit
+        np.testing.assert_array_equal(read["t"], found.tracks[0].times)
+        np.testing.assert_array_equal(np.stack([read["x"], read["y"]], axis=-1), found.tracks[0].mean)
+        np.testing.assert_array_equal(read["cov_xy"], found.tracks[0].covariance[:, 0, 1])
+        return read
+
+    here, there = track("here", np.zeros(2), 0.0), track("there", origin, start)
+    np.testing.assert_allclose(there["t"] - start, here["t"], atol=1e-6)
+    np.testing.assert_allclose(there["x"] - origin[0], here["x"], atol=1e-4)
+    np.testing.assert_allclose(there["y"] - origin[1], here["y"], atol=1e-4)
+
+
+def test_times_that_fall_are_named_in_full(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(HEAD + "1700000000.25,0,0,0\n1700000000.125,0,0,0\n", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"line 3: t: found 1700000000\.125 after 1700000000\.25;"):
+        read_log(path, "x")
+
+
+def turning(path, every, own_only=True, latency=0.0, nan=""):
+    """A vehicle that turns every 10 s with its position at 10 Hz, a bearing now and then that is some seconds old."""
+    times = np.arange(0.0, 60.0, 0.1)
+    heading = np.deg2rad(np.where(times % 20.0 < 10.0, 30.0, 100.0))
+    own = np.cumsum(0.2 * np.stack([np.sin(heading), np.cos(heading)], axis=-1), axis=0)
+    target = np.array([90.0, -20.0])
+    seen = (np.arange(len(times)) % every == every - 1) & (times >= latency)
+    then = np.stack([np.interp(times - latency, times, values) for values in own.T], axis=-1)
+    line = target - then
+    angle = np.arctan2(line[:, 1], line[:, 0])
+    rows = np.flatnonzero(seen | own_only)
+    columns = {
+        "t": times[rows],
+        "own_x": own[rows, 0],
+        "own_y": own[rows, 1],
+        "bearing_rad": [angle[k] if seen[k] else nan for k in rows],
+    }
+    return written(path, columns), times[seen] - latency, then[seen]
+
+
+@pytest.mark.parametrize("nan", ["", "nan", " NaN "])
+def test_a_row_without_a_bearing_is_one_of_own_position(tmp_path, nan):
+    path, times, own = turning(tmp_path / "log.csv", every=80, latency=3.0, nan=nan)
+    log = read_log(path, "x", 3.0)
+    np.testing.assert_allclose(log.times, times, atol=1e-9)
+    np.testing.assert_allclose(log.own, own, atol=1e-6)
+    line = np.array([90.0, -20.0]) - log.own
+    np.testing.assert_allclose(log.bearings, line / np.linalg.norm(line, axis=1, keepdims=True), atol=1e-6)
+    assert log.own_rows == 600 - len(times)
+    # between bearings alone the position is metres off, as the vehicle turned meanwhile
+    sparse, *_ = turning(tmp_path / "sparse.csv", every=80, own_only=False, latency=3.0)
+    coarse = read_log(sparse, "x", 3.0)
+    assert np.linalg.norm(coarse.own - own[-len(coarse.own) :], axis=1).max() > 1.0
+
+
+def test_rows_without_a_bearing_do_not_change_what_is_made_of_the_others(tmp_path):
+    dense, *_ = turning(tmp_path / "dense.csv", every=20)
+    sparse, *_ = turning(tmp_path / "sparse.csv", every=20, own_only=False)
+    with_rows, without = (replay(path, QUICK, bearing_from="x", trackers=["ekf"]) for path in (dense, sparse))
+    np.testing.assert_array_equal(with_rows.tracks[0].mean, without.tracks[0].mean)
+    assert with_rows.summary["rows_without_bearing"] == 570
+    assert without.summary["rows_without_bearing"] == 0
+
+
+def test_the_truth_of_rows_without_a_bearing_is_used_where_there_is_one(tmp_path):
+    head = "t,own_x,own_y,bearing_rad,true_x,true_y\n"
+    path = tmp_path / "log.csv"
+    path.write_text(head + "0,0,0,0,8,0\n1,0,0,,,\n2,0,0,,9,0\n4,0,0,0,,\n6,0,0,0,12,0\n", encoding="utf-8")
+    log = read_log(path, "x", 2.5)
+    np.testing.assert_array_equal(log.times, [1.5, 3.5])
+    # at 1.5 s between 0 and 2 s; at 3.5 s beside a bearing whose truth is not known
+    np.testing.assert_array_equal(log.truth, [[8.75, 0.0], [np.nan, np.nan]])
+
+
+def contacts(path, apart=0.0, names=("1", "2"), own_rows=False):
+    """Two targets seen in turn, the second ``apart`` seconds after the first."""
+    times, own, target, bearings = sailed(duration=30.0)
+    other = unit_bearing(np.array([60.0, 90.0]) + 0.0 * target, own)
+    lines = []
+    for k, t in enumerate(times):
+        place = f"{own[k, 0]},{own[k, 1]}"
+        for name, seen, later in ((names[0], bearings[k], 0.0), (names[1], other[k], apart)):
+            lines.append(f"{t + later},{name},{place},{np.arctan2(seen[1], seen[0])}")
+        if own_rows:
+            lines.append(f"{t + 0.15},,{place},")
+    path.write_text("t,contact,own_x,own_y,bearing_rad\n" + "\n".join(lines), encoding="utf-8")
+    return path, bearings, other
+
+
+@pytest.mark.parametrize("names", [("1", "2"), ("bow wave", "7.0")])
+@pytest.mark.parametrize("own_rows", [False, True])
+@pytest.mark.parametrize("apart", [0.0, 0.1])
+def test_one_contact_of_several_is_chosen_by_a_column(tmp_path, names, own_rows, apart):
+    path, first, second = contacts(tmp_path / "log.csv", apart, names, own_rows)
+    for name, expected in zip(names, (first, second), strict=True):
+        log = read_log(path, "x", where={"contact": name})
+        np.testing.assert_allclose(log.bearings, expected, atol=1e-12)
+        assert log.own_rows == (len(expected) if own_rows else 0)
+        assert log.warnings == ()
+    assert len(read_log(path, "x", where={"contact": float(names[1])} if names[1] == "7.0" else {}).times) > 0
+    everything = read_log(path, "x")
+    assert len(everything.times) == 2 * len(first)
+    (line,) = everything.warnings
+    assert line.startswith(f"{path}: bearings with another contact ({', '.join(sorted(names))}) lie ")
+    assert line.endswith("the log seems to hold several contacts; --where contact=VALUE chooses one")
+
+
+def test_the_command_line_and_the_configuration_choose_a_contact(tmp_path, capsys):
+    path, *_ = contacts(tmp_path / "log.csv")
+    config = tmp_path / "quick.yaml"
+    config.write_text(
+        yaml.safe_dump({"tracker": {"kind": "ekf"}, "replay": {"where": {"contact": 2}}}), encoding="utf-8"
+    )
+    common = ["replay", str(path), "--bearing-from", "x", "--no-figures", "--quiet", "--config"]
+    assert cli.main([*common, str(config), "--out", str(tmp_path / "a")]) == 0
+    assert cli.main([*common, str(config), "--where", "contact=1", "--out", str(tmp_path / "b")]) == 0
+    counts = [json.loads((tmp_path / name / "summary.json").read_text())["bearings"] for name in "ab"]
+    assert counts == [120, 120]
+    chosen = [yaml.safe_load((tmp_path / name / "config.yaml").read_text())["replay"]["where"] for name in "ab"]
+    assert chosen == [{"contact": 2}, {"contact": "1"}]
+    capsys.readouterr()
+    for arguments, words in (
+        (["--where", "contact=3"], ["found 0 bearings with contact=3", "allowed: contact is 1, 2"]),
+        (["--where", "ship=1"], ["found the column ship", "allowed: t, contact, own_x"]),
+        (["--where", "contact=1", "--where", "contact=2"], ["--where: found contact twice"]),
+        (["--where", "contact"], ["--where: found 'contact'", "COLUMN=VALUE"]),
+        (["--set", "replay.where=3"], ["replay.where: found 3", "a mapping of columns"]),
+    ):
+        assert cli.main([*common, str(config), *arguments]) == 2
+        lines = capsys.readouterr().err.strip().splitlines()
+        assert len(lines) == 1, lines
+        for word in words:
+            assert word in lines[0]
+
+
+def test_a_log_that_seems_to_hold_several_contacts_is_warned_of(tmp_path):
+    path, *_ = contacts(tmp_path / "log.csv")
+    with pytest.warns(RuntimeWarning, match="seems to hold several contacts"):
+        found = replay(path, QUICK, bearing_from="x", trackers=["ekf"])
+    assert len(found.summary["warnings"]) == 1
+    assert "--where contact=VALUE" in found.summary["warnings"][0]
+
+
+def test_columns_that_tell_no_contacts_apart_are_not_warned_of(tmp_path):
+    """Two sensors with a bias, a measurement, a counter, a state that changes once."""
+    times, own, _, bearings = sailed(duration=30.0)
+    angle = np.arctan2(bearings[:, 1], bearings[:, 0]) + np.deg2rad(8.0) * (np.arange(len(times)) % 2)
+    columns = {
+        "t": times,
+        "own_x": own[:, 0],
+        "own_y": own[:, 1],
+        "bearing_rad": angle,
+        "sensor": ["IR" if k % 2 else "EO" for k in range(len(times))],
+        "battery": np.round(12.0 + 0.1 * np.sin(times), 1),
+        "ping": np.arange(len(times)),
+        "mode": np.where(times < 12.0, "search", "follow"),
+    }
+    assert read_log(written(tmp_path / "log.csv", columns), "x").warnings == ()
+
+
 recorded = pytest.mark.skipif(not RECORDED.is_dir(), reason=f"no recorded bearings in {RECORDED}")
+
+
+@recorded
+def test_two_cameras_on_one_boat_are_not_taken_for_two_contacts():
+    for path in sorted(RECORDED.glob("*.csv")):
+        assert read_log(path, "x").warnings == ()
 
 
 @recorded

@@ -18,7 +18,7 @@ CONTRACT = [
     "length_scale", "amplitude", "condition_number", "bound", "objective",
     "violation", "solver_status", "solver_iterations", "solver_time", "plan",
     "tracker_time", "nugget", "fallback", "desired_bearing", "piece_thrust_peak",
-    "prior_cov",
+    "prior_cov", "off_plan",
 ]
 # fmt: on
 
@@ -54,6 +54,7 @@ def five_steps(**changes) -> History:
         "fallback": ["", "shifted", "", "", ""],
         "desired_bearing": np.column_stack([cosine, np.sqrt(1.0 - cosine**2)]),
         "piece_thrust_peak": [[0.5, 0.2, 0.1], [0.9, 1.03, 0.1], [1.0, 0.2, 0.1], [0.5, 0.2, 0.1], [np.nan] * 3],
+        "off_plan": [np.nan, 0.3, 0.1, 0.2, np.nan],
         "plan": np.zeros((5, 4, 3)),
     }
     return History(**{**arrays, **changes})
@@ -89,6 +90,8 @@ def test_summary_is_what_comes_out_on_paper():
         "range_std_over_range_final": 0.0,
         "range_observable_from_s": 0.0,
         "violation_max": 0.03,
+        "off_plan_median": 0.2,
+        "off_plan_max": 0.3,
         "objective_mean": (1.0 + 2.0 + 3.0 + 6.0) / 4,
         "solver_success_rate": 0.75,
         "solver_iterations_mean": 15.0,
@@ -107,7 +110,7 @@ def test_summary_is_what_comes_out_on_paper():
         summary.pop(key)
     assert summary == pytest.approx(expected)
     assert nested == {
-        "fallbacks": {"shifted": 1, "cold": 0, "relaxed": 0, "braking": 0},
+        "fallbacks": {"shifted": 1, "cold": 0, "unfinished": 0, "braking": 0},
         "retries": {"nugget": 3},
         "versions": {"python": "3"},
     }

@@ -81,6 +81,17 @@ def test_the_ledger_counts_what_the_solver_did(tmp_path):
     assert ["12", "Infeasible_Problem_Detected", "none", "17", "140"] in rows
 
 
+def test_times_of_a_long_run_keep_their_digits(tmp_path):
+    history = synthetic_run.history(2, steps=150)
+    history = dataclasses.replace(history, t=history.t + 86_400.0)
+    result = Result(synthetic_run.configuration(2), history, synthetic_run.summary(history))
+    text = write_report(result.save(tmp_path / "run", figures=False), tmp_path / "page.html").read_text(
+        encoding="utf-8"
+    )
+    assert ["86407.7", "Infeasible_Problem_Detected", "braking", "17", "140"] in Cells(text).rows
+    assert "86415 s in the plane" in text
+
+
 def test_a_run_without_a_solver_has_a_page_too(tmp_path):
     folder, _ = save(tmp_path / "run", planner=False)
     text = write_report(folder, tmp_path / "page.html").read_text(encoding="utf-8")

@@ -56,7 +56,8 @@ def integrated(vehicle, plan):
 @pytest.mark.parametrize("seed", range(3))
 def test_within_the_limits_exact_following_is_what_the_dynamics_do(vehicle, seed):
     plan = planned(vehicle, 0.25, seed)
-    exact, dynamic = (Mover(vehicle, PERIOD, how).follow(plan) for how in ("exact", "dynamics"))
+    state = vehicle.state(*plan.trajectory.start[:2])
+    exact, dynamic = (Mover(vehicle, PERIOD, how).follow(state, plan) for how in ("exact", "dynamics"))
     assert exact.thrust_peak.max() < 1.0
     np.testing.assert_allclose(exact.state, integrated(vehicle, plan), atol=1e-6)
     np.testing.assert_allclose(dynamic.state, exact.state, atol=1e-6)
@@ -68,7 +69,8 @@ def test_within_the_limits_exact_following_is_what_the_dynamics_do(vehicle, seed
 @pytest.mark.parametrize("vehicle", [PLANAR, SPATIAL], ids=["planar", "spatial"])
 def test_the_dynamics_apply_the_limits_where_a_plan_exceeds_them(vehicle):
     plan = planned(vehicle, 5.0)
-    exact, dynamic = (Mover(vehicle, PERIOD, how).follow(plan) for how in ("exact", "dynamics"))
+    state = vehicle.state(*plan.trajectory.start[:2])
+    exact, dynamic = (Mover(vehicle, PERIOD, how).follow(state, plan) for how in ("exact", "dynamics"))
     first = plan.trajectory.knots[1]
     asked = max(
         np.abs(

@@ -69,7 +69,7 @@ def test_a_problem_may_constrain_the_planner(tmp_path):
 
 def test_a_constrain_that_returns_nothing_is_told(tmp_path):
     configuration = load_config(problem_file(tmp_path / "own.py", "constrain=lambda p: None"))
-    with pytest.raises(ValueError, match="constrain: found a NoneType returned; allowed: a TrajectoryProblem"):
+    with pytest.raises(ValueError, match="constrain: found nothing returned; allowed: a function that returns"):
         build_problem(configuration, build_vehicle(configuration))
     with pytest.raises(ValueError, match="constrain: found 3; allowed: a function, or None"):
         TrackingProblem("a", 2, "b", {"kind": "case1"}, constrain=3)

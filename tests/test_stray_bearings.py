@@ -6,6 +6,7 @@ import pytest
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
+from gbt_ocp.models.sensors import BearingSensor
 
 KINDS = {
     "gp": {"kind": "gp", "noise": {"std_deg": 1.0, "bin_s": 1.5, "kernel": "velocity_matern32", "window_s": 40.0,
@@ -25,7 +26,9 @@ def test_one_bearing_in_twenty_off_by_twenty_degrees_is_no_harm(kind):
     stray[7::20] = np.deg2rad(20.0) * rng.choice([-1.0, 1.0], (len(stray[7::20]), 1))
     errors = {}
     for name, turns in (("clean", noise), ("stray", noise + stray)):
-        tracker = build_tracker(load_config({"problem": "case2", "tracker": KINDS[kind]}), own[0])
+        tracker = build_tracker(
+            load_config({"problem": "case2", "tracker": KINDS[kind]}).tracker, own[0], BearingSensor(0.1)
+        )
         off = []
         for t, bearing, place, truth in zip(times, unit_bearing(target, own), own, target, strict=True):
             tracker.update(float(t), rotate_bearing(bearing, turns[round(t / 0.1)]), place)

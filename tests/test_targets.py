@@ -129,6 +129,14 @@ def test_a_faulty_file_is_named(tmp_path, rows):
         TrackTarget.from_csv(path, 2)
 
 
+@pytest.mark.parametrize(("row", "count"), [("2,2,2,9", 4), ("2,0,2,5", 4), ("2,2", 2)])
+def test_a_row_of_another_width_than_the_header_is_refused_with_its_line(tmp_path, row, count):
+    path = tmp_path / "boat.csv"
+    path.write_text(f"t,x,y\n0,0,0\n1,1,1\n\n{row}\n3,3,3\n4,4,4\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=rf"boat\.csv: line 5: found {count} cells; allowed: 3"):
+        TrackTarget.from_csv(path, 2)
+
+
 def test_a_file_without_rows_is_named(tmp_path):
     path = tmp_path / "boat.csv"
     path.write_text("t,x,y\n", encoding="utf-8")

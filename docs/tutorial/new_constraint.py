@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class WithinReach:
-    """``‖P_A - buoy‖ <= reach``, told as ``lower <= value <= upper`` at every time.
+    """``‖P_A - buoy‖ <= reach``, written as ``lower <= value <= upper`` at every time.
 
     As squares over the squared reach: smooth, also at the buoy itself, and of the size of one.
     """
@@ -29,6 +29,7 @@ class WithinReach:
     buoy: tuple[float, float]  # m
     reach: float  # m
 
+    # One number for each that `value` gives: here one.
     lower: ClassVar[Array] = np.full(1, -np.inf)
     upper: ClassVar[Array] = np.ones(1)
     backoff: ClassVar[Array] = np.full(1, 0.01)  # how far inside the solver is kept, against what happens between nodes

@@ -18,6 +18,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_out(parser, "a new or empty folder", required=True)
     add_set(parser)
     parser.add_argument("--solver", choices=("compiled", "ipopt"), default="compiled", help="what solves it in C")
+    parser.add_argument(
+        "--prefix", metavar="NAME_", default="", help="of all names in it, for programs with several planners"
+    )
     parser.add_argument("--verify", action="store_true", help="build it, run its recorded steps, make it fail")
 
 
@@ -26,26 +29,41 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     refuse_unwritable(arguments.out)
 
     from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
+    from gbt_ocp.experiments.recorded_steps import recorded_steps
     from gbt_ocp.ocp import Planner
     from gbt_ocp.ocp.codegen.library import CompilerError
+    from gbt_ocp.ocp.codegen.problem_source import from_moments
     from gbt_ocp.ocp.export.folder import write_c
     from gbt_ocp.ocp.export.ipopt_source import write_ipopt_folder
+    from gbt_ocp.ocp.export.names import checked_prefix
+    from gbt_ocp.ocp.export.vectors import STEPS
     from gbt_ocp.ocp.export.verification import verify_folder
     from gbt_ocp.ocp.solvers.base import options_for
 
     section, solver = configuration.planner, arguments.solver
-    problem = build_problem(configuration, build_vehicle(configuration))
     # Options under no solver's name are those of the solver that the configuration names.
     named = "compiled" if section.solver == "auto" else section.solver
     if arguments.verify and solver != "compiled":
         raise ConfigurationError(["--verify: found --solver ipopt; allowed: --solver compiled"])
     try:
+        prefix = checked_prefix(arguments.prefix)
+    except ValueError as fault:
+        raise ConfigurationError([f"--{fault}"]) from fault
+    try:
+        problem = build_problem(configuration, build_vehicle(configuration))
         options = options_for(solver, section.solver_options, common=named == solver)
         if solver == "compiled":
-            write_c(Planner(problem, solver, options), arguments.out)
+            planner = Planner(problem, solver, options)
+            # steps of an objective from the moments of a forecast are made up; others are those of the closed loop
+            steps = None if from_moments(problem) else recorded_steps(configuration, planner, STEPS)
+            write_c(planner, arguments.out, steps, prefix)
         else:
-            write_ipopt_folder(problem, options, arguments.out)
-    except (FileExistsError, CompilerError) as fault:
+            write_ipopt_folder(problem, options, arguments.out, prefix)
+    except ConfigurationError:
+        raise
+    except CompilerError as fault:
+        raise ConfigurationError([f"codegen: {fault}"]) from fault
+    except FileExistsError as fault:
         raise ConfigurationError([f"--out: {fault}"]) from fault
     except OSError as fault:
         raise ConfigurationError(
@@ -65,7 +83,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
 
 CODEGEN = Subcommand(
     "codegen",
-    "write the planner of an experiment as C that stands alone",
+    "write the planner of an experiment as C without dependencies",
     ("gbt-ocp codegen case2 --out planner_c --set planner.formulation=hard --verify",),
     _add_arguments,
     _carry_out,

@@ -62,7 +62,7 @@ def refuse_unwritable(out: Path) -> None:
 
 
 def save_somewhere(result: Saved, out: Path, *, figures: bool) -> tuple[Path, bool]:
-    """Save a result where it was asked for, or else where it can be; its place, and whether with its figures.
+    """Save a result in ``out``, or else where it can be; return the folder, and whether it has its figures.
 
     A run may have taken long. A folder that another run has filled meanwhile, a full disk or one that has become
     read-only must not cost its results: they go beside the folder in the first case, else to a new folder of the
@@ -101,7 +101,7 @@ def _save_beside(result: Saved, out: Path, *, figures: bool) -> tuple[Path, bool
 
 
 def save(result: Saved, out: Path, *, figures: bool) -> bool:
-    """Save a result, without its figures if they cannot be drawn; whether they were not asked for or are there."""
+    """Save a result, without its figures if they cannot be drawn; return ``False`` in that case."""
     try:
         result.save(out, figures=figures)
     except OSError:
@@ -123,7 +123,7 @@ def _unwritable(out: Path, fault: Exception) -> ConfigurationError:
 
 
 def _reason(fault: Exception) -> str:
-    """What the system says, without its number and the path, which stand in the line already."""
+    """The message of the system without its number and the path, which the line has already."""
     return getattr(fault, "strerror", None) or str(fault)
 
 

@@ -11,11 +11,11 @@ from pathlib import Path
 from gbt_ocp.cli.exit_codes import DONE
 from gbt_ocp.cli.output import show
 from gbt_ocp.cli.subcommand import Subcommand
+from gbt_ocp.experiments.build.trackers import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.guidance import GUIDANCE_LAWS
 from gbt_ocp.experiments.config.json_schema import json_schema
 from gbt_ocp.experiments.config.planner import SOLVERS
-from gbt_ocp.experiments.config.tracker import TRACKERS
 
 
 def _add_nothing(parser: argparse.ArgumentParser) -> None:
@@ -26,7 +26,7 @@ def _list(arguments: argparse.Namespace) -> int:
     sections: dict[str, Mapping[str, str]] = {
         "problems": {name: catalogue.load_problem(name).description for name in catalogue.problem_names()},
         "configurations": {name: catalogue.config_description(name) for name in catalogue.config_names()},
-        "trackers": TRACKERS,
+        "trackers": {name: kind.says for name, kind in TRACKERS.items()},
         "guidance laws": GUIDANCE_LAWS,
         "solvers": SOLVERS,
     }

@@ -1,13 +1,14 @@
 """The program ``gbt-ocp``: the command line, and Ctrl-C while it is loaded and after it is done.
 
-Loading takes a second, in which an interrupt would end in a traceback of whatever was being imported. Until the command
-line answers interrupts itself, they are answered here.
+Loading takes a second, in which an interrupt would end in a traceback from the module that was being imported. Until
+the command line answers interrupts itself, they are answered here.
 """
 
 from __future__ import annotations
 
 import os
 import signal
+import warnings
 
 from gbt_ocp.cli.exit_codes import INTERRUPTED
 from gbt_ocp.cli.output import open_standard_streams
@@ -26,6 +27,7 @@ def main() -> int:
     if heard:
         signal.signal(signal.SIGINT, _leave)
     open_standard_streams()
+    warnings.formatwarning = _warning
     from gbt_ocp.cli.main import main as command_line
 
     try:
@@ -37,6 +39,13 @@ def main() -> int:
     except KeyboardInterrupt:  # before the command line answered interrupts, or after
         return _say_so()
     return code
+
+
+def _warning(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
+) -> str:
+    """A warning as a user reads it, without the line of the program that gave it."""
+    return f"warning: {message}\n"
 
 
 def _leave(number: int, frame: object) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import shtab
@@ -13,6 +14,7 @@ from gbt_ocp.cli.exit_codes import DONE, PROGRAM_FAULT, WRONG_INPUT
 from gbt_ocp.cli.folders import free_folder, refuse_unwritable, save_somewhere
 from gbt_ocp.cli.output import show
 from gbt_ocp.cli.subcommand import Subcommand
+from gbt_ocp.experiments.config.faults import ConfigurationError
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,11 +26,36 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--bearing-from", choices=("x", "north"), help="x: counter-clockwise from +x; north: clockwise from +y"
     )
+    parser.add_argument(
+        "--where",
+        metavar="COLUMN=VALUE",
+        type=_cell,
+        action="append",
+        default=[],
+        help="read only the rows of one contact; may be given again for another column",
+    )
     parser.add_argument("--latency", metavar="S", type=float, help="age in s of a bearing at its time stamp")
     add_out(parser, "a new or empty folder (default: a new one in runs/)")
     add_set(parser)
     parser.add_argument("--no-figures", action="store_true", help="write no figures")
     add_quiet(parser)
+
+
+def _cell(text: str) -> tuple[str, str]:
+    """A column and a value; an argument of argparse."""
+    column, equals, value = text.partition("=")
+    if not equals or not column.strip():
+        raise argparse.ArgumentTypeError(f"found {text!r}; allowed: COLUMN=VALUE")
+    return column.strip(), value.strip()
+
+
+def _where(cells: Sequence[tuple[str, str]]) -> dict[str, str]:
+    """Values by column."""
+    columns = [column for column, _ in cells]
+    twice = [column for column in columns if columns.count(column) > 1]
+    if twice:
+        raise ConfigurationError([f"--where: found {twice[0]} twice; allowed: each column once"])
+    return dict(cells)
 
 
 def _carry_out(arguments: argparse.Namespace) -> int:
@@ -37,6 +64,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     from gbt_ocp.experiments.replay import replay
     from gbt_ocp.reporting.replay import score_table
 
+    where = _where(arguments.where)
     given: Path | None = arguments.out
     name = f"replay-{arguments.log.stem}"
     refuse_unwritable(given or free_folder(name))
@@ -55,6 +83,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
             trackers=arguments.tracker,
             bearing_from=arguments.bearing_from,
             latency=arguments.latency,
+            where=where,
             overrides=arguments.set,
             progress=after,
         )
@@ -73,6 +102,7 @@ REPLAY = Subcommand(
     (
         "gbt-ocp replay log.csv --bearing-from north",
         "gbt-ocp replay log.csv --bearing-from x --tracker motion_gp,ekf,imm_ekf --out runs/log",
+        "gbt-ocp replay log.csv --bearing-from north --where contact=1",
         "gbt-ocp replay log.csv --config mine.yaml --latency 0.5 --set tracker.range.median_m=200",
     ),
     _add_arguments,

@@ -17,7 +17,7 @@ from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.studies.paper import STUDIES
 
 COMPARED = "penalty, continuation, elastic, hard, exchange, soft, shooting"
-"""Treatments that ``compare`` knows; written down here because asking for them would load CasADi for ``--help``."""
+"""Treatments that ``compare`` knows; repeated here because importing them would load CasADi for ``--help``."""
 
 
 def _add_engine(parser: argparse.ArgumentParser) -> None:

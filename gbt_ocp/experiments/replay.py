@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import math
 import os
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +17,11 @@ import numpy as np
 from gbt_ocp.experiments.bearing_log import read_log
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.faults import ConfigurationError
-from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.experiments.config.loading import load_config, load_tracker
 from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.experiments.config.tracker import TrackerSection
 from gbt_ocp.files import whole_folder
+from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.replay import BearingLog, ReplayedTrack, _followed
 from gbt_ocp.simulation.replay_scores import scores
@@ -24,7 +29,7 @@ from gbt_ocp.simulation.summary import installed_versions
 from gbt_ocp.tracking.protocol import PositionTracker
 
 SHIPPED = "replay"
-"""The configuration that is taken where none is given."""
+"""The default configuration."""
 
 
 @dataclass(frozen=True)
@@ -34,13 +39,13 @@ class Replayed:
     Attributes
     ----------
     configuration
-        What was asked for.
+        The resolved configuration.
     log
         The log.
     tracks
-        One a tracker.
+        One for each tracker.
     summary
-        Of each tracker by name (see :func:`~gbt_ocp.simulation.replay_scores.scores`), and what concerns all.
+        Scores of each tracker by name (see :func:`~gbt_ocp.simulation.replay_scores.scores`), and numbers of the log.
     """
 
     configuration: Configuration
@@ -49,7 +54,7 @@ class Replayed:
     summary: dict[str, Any]
 
     def save(self, folder: str | os.PathLike[str], figures: bool = True) -> Path:
-        """Write the folder whole: ``config.yaml``, ``summary.json``, ``scores.md``, ``NAME.csv``, ``figures/*.png``.
+        """Write the folder: ``config.yaml``, ``summary.json``, ``scores.md``, ``NAME.csv``, ``figures/*.png``.
 
         Raises
         ------
@@ -79,6 +84,7 @@ def replay(
     trackers: Sequence[str] = (),
     bearing_from: str | None = None,
     latency: float | None = None,
+    where: Mapping[str, str | float] | None = None,
     overrides: Sequence[str] = (),
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Replayed:
@@ -95,6 +101,8 @@ def replay(
         of them for ``all``.
     bearing_from, latency
         Replace ``replay.bearing_from`` and ``replay.latency_s``.
+    where
+        Values by column, added to ``replay.where``.
     overrides
         ``key.path=value`` strings.
     progress
@@ -104,27 +112,33 @@ def replay(
     ------
     ConfigurationError
         If the log, the configuration or a name is wrong; one line a fault.
+
+    Warns
+    -----
+    RuntimeWarning
+        If the log seems to hold several contacts; the summary has the same under ``warnings``.
     """
     changes = list(overrides)
     if bearing_from is not None:
         changes.append(f"replay.bearing_from={bearing_from}")
     if latency is not None:
         changes.append(f"replay.latency_s={latency}")
-    # a plane problem stands for all: of the problem nothing but its dimension counts
+    if where:
+        changes.append(f"replay.where={json.dumps(dict(where))}")
     config = load_config(configuration, changes)
     section = config.replay
     if section.bearing_from is None:
         allowed = "x (counter-clockwise from +x), north (clockwise from +y)"
         raise ConfigurationError([f"--bearing-from: found nothing, nor replay.bearing_from; allowed: {allowed}"])
-    data = read_log(Path(log), section.bearing_from, section.latency_s)
-    if data.dimension != config.dimension:
-        changes = [*changes, f"problem={'case2' if data.dimension == 2 else 'case5'}"]
-        config = load_config(configuration, changes)
-    chosen = _trackers(config, configuration, changes, trackers)
+    data = read_log(Path(log), section.bearing_from, section.latency_s, section.where)
+    for line in data.warnings:
+        warnings.warn(line, RuntimeWarning, stacklevel=2)
+    # the dimension is the log's, whatever the problem; nothing else of a problem counts
+    config = config.model_copy(update={"tracker": load_tracker(configuration, changes, data.dimension)})
+    sensor = BearingSensor(data.period, math.radians(config.sensor.noise_deg))
     tracks = []
-    for name, single in chosen.items():
-        single = single.model_copy(update={"sensor": single.sensor.model_copy(update={"period_s": data.period})})
-        tracker = build_tracker(single, data.own[0])
+    for name, single in _trackers(config, configuration, changes, trackers, data.dimension).items():
+        tracker = build_tracker(single, data.own[0], sensor)
         if isinstance(tracker, PositionTracker):
             raise ConfigurationError(
                 [f"--tracker: found {name}, which needs positions; allowed: those that take bearings"]
@@ -133,7 +147,9 @@ def replay(
     summary: dict[str, Any] = {
         "log": str(log),
         "bearings": len(data.times),
+        "rows_without_bearing": data.own_rows,
         "duration_s": float(data.times[-1] - data.times[0]),
+        "warnings": list(data.warnings),
         "versions": installed_versions(),
         "trackers": {
             track.name: scores(
@@ -153,16 +169,20 @@ def replay(
     for distance in section.constant_range_m:
         guess = data.own + distance * data.bearings
         unknown = np.full((*guess.shape, data.dimension), np.nan)
-        summary["trackers"][f"constant {distance:g} m"] = scores(
+        summary["trackers"][f"constant {distance:.15g} m"] = scores(
             data, data.times, guess, unknown, section.ahead_s, section.score_from_s
         )
     return Replayed(config, data, tracks, run_folder.strict(summary))
 
 
 def _trackers(
-    config: Configuration, source: str | Path | Mapping[str, Any], changes: Sequence[str], names: Sequence[str]
-) -> dict[str, Configuration]:
-    """A configuration for each tracker that is asked for."""
+    config: Configuration,
+    source: str | Path | Mapping[str, Any],
+    changes: Sequence[str],
+    names: Sequence[str],
+    dimension: int,
+) -> dict[str, TrackerSection]:
+    """The section of each of the named trackers."""
     own, further = config.tracker.kind, config.replay.trackers
     allowed = list(dict.fromkeys([own, *further]))
     if list(names) == ["all"]:
@@ -174,14 +194,14 @@ def _trackers(
     for name in dict.fromkeys(names or [own]):
         if name in further:
             section = json.dumps({"kind": own, **further[name]})
-            found[name] = load_config(source, [*changes, f"tracker={section}"])
+            found[name] = load_tracker(source, [*changes, f"tracker={section}"], dimension)
         else:
-            found[name] = config
+            found[name] = config.tracker
     return found
 
 
 def _write_track(path: Path, track: ReplayedTrack, log: BearingLog) -> None:
-    """One line a bearing: time, position, its covariance, range with deviation, residual in degrees."""
+    """One line for each bearing: time, position, its covariance, range with deviation, residual in degrees."""
     d = log.dimension
     axes = "xyz"[:d]
     pairs = [(i, j) for i in range(d) for j in range(i, d)]
@@ -197,4 +217,8 @@ def _write_track(path: Path, track: ReplayedTrack, log: BearingLog) -> None:
     ]
     names = ["t", *axes, *(f"cov_{axes[i]}{axes[j]}" for i, j in pairs), "range", "range_std"]
     names += ["residual_deg"] if d == 2 else ["residual_1_deg", "residual_2_deg"]
-    np.savetxt(path, np.column_stack(columns), fmt="%.6g", delimiter=",", header=",".join(names), comments="")
+    # the shortest text that reads back as the same number: a map coordinate or an absolute time loses nothing
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows(np.column_stack(columns).tolist())

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class WritesYaml(Protocol):
-    """What a result asks of a configuration: its resolved YAML, with `vehicle.thrust_max` and `sensor.period_s`."""
+    """What a result needs of a configuration: its resolved YAML, with `vehicle.thrust_max` and `sensor.period_s`."""
 
     def to_yaml(self) -> str:
         """Return the text of ``config.yaml``, every default written out."""
@@ -38,7 +38,7 @@ class RecordedConfiguration(SimpleNamespace):
 
     def __init__(self, text: str) -> None:
         mapping = yaml.safe_load(text)
-        super().__init__(**_attributes(mapping) if isinstance(mapping, dict) else {})
+        super().__init__(**vars(_namespace(mapping, {})) if isinstance(mapping, dict) else {})
         self._text = text
 
     def to_yaml(self) -> str:
@@ -71,7 +71,7 @@ class Result:
         return draw_figures(self.history, yaml.safe_load(self.configuration.to_yaml()), self.summary)
 
     def save(self, folder: str | os.PathLike[str], figures: bool = True) -> Path:
-        """Write the run folder, whole or not at all, and return its path.
+        """Write the run folder, completely or not at all, and return its path.
 
         Raises
         ------
@@ -83,7 +83,7 @@ class Result:
         return Path(folder)
 
     def write(self, folder: Path, *, history: bool = True, figures: bool = True) -> None:
-        """Write the files of a run folder into a folder that is there, with or without its arrays and figures."""
+        """Write the files of a run folder into a folder that exists, with or without its arrays and figures."""
         (folder / run_folder.CONFIGURATION).write_text(self.configuration.to_yaml(), encoding="utf-8")
         if history:
             self.history.save_npz(folder / run_folder.HISTORY)
@@ -161,10 +161,13 @@ class Result:
         )
 
 
-def _attributes(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): SimpleNamespace(**_attributes(v)) if isinstance(v, dict) else v for key, v in value.items()}
-    return value
+def _namespace(value: Any, known: dict[int, SimpleNamespace]) -> Any:
+    """Mappings as objects with attributes, one for each mapping however many aliases stand for it."""
+    if not isinstance(value, dict):
+        return value
+    if id(value) not in known:
+        known[id(value)] = SimpleNamespace(**{str(key): _namespace(item, known) for key, item in value.items()})
+    return known[id(value)]
 
 
 def _text(value: float | None, unit: str = "") -> str:

@@ -21,6 +21,7 @@ from gbt_ocp.experiments.interrupts import interrupted_between_steps
 from gbt_ocp.experiments.result import Result
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.guidance.startup import planner_of
+from gbt_ocp.ocp.codegen.library import CompilerError
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
 from gbt_ocp.simulation.loop import simulate, step_count
@@ -90,7 +91,7 @@ def run(
     began = perf_counter()
     try:
         loop, start = build_loop(configuration)
-    except ValueError as fault:
+    except (ValueError, CompilerError) as fault:
         # What only shows when the parts are put together is still a fault of the input.
         raise ConfigurationError([f"{configuration.name}: {fault}"]) from fault
 
@@ -117,7 +118,7 @@ def run(
         period=period,
         seed=configuration.seed,
         wall_s=perf_counter() - began,
-        solver_first_try=(history.solver_status == "solved") & (history.fallback == ""),
+        solver_first_try=history.answered & (history.fallback == ""),
         retries={
             "tightened": recording.tightened,
             "nugget": recording.nugget_retries,
@@ -129,10 +130,10 @@ def run(
         forecast_period=configuration.forecast_period,
         standoff=configuration.standoff,
     )
-    # `auto` says in the configuration that there was a choice, not what was chosen
+    # the configuration has `auto`, which does not name the solver that was chosen
     planner = planner_of(loop.guidance)
     summary["solver"] = planner.solver.name if isinstance(planner, Planner) else None
     summary["warnings"] = stalling
-    # the limits of a problem's own vehicle stand nowhere in its configuration
+    # the configuration has no limits of a problem's own vehicle
     summary["thrust_max"] = loop.vehicle.thrust_max.tolist()
     return Result(configuration, history, summary)

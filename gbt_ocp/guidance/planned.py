@@ -13,10 +13,11 @@ from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.past import PastBearings
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sizes import at_least
+from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.shooting import ShootingPlanner
-from gbt_ocp.tracking.protocol import Forecast
+from gbt_ocp.tracking.protocol import Forecast, JointForecast
 from gbt_ocp.typing import Array
 
 
@@ -87,6 +88,42 @@ class PlannedMotion:
         self._plan = None
         self.planner.reset()
 
+    def rehearse(self) -> None:
+        """Have every term of the problem take its numbers from a forecast that is made up.
+
+        A term that asks for something it will not be given, or gives numbers of a wrong shape, is found before a run.
+
+        Raises
+        ------
+        ValueError
+            As :meth:`gbt_ocp.ocp.binding.Binding.objective_parameters`.
+        """
+        problem = self.planner.problem
+        d, p = problem.vehicle.position_dimension, problem.pieces
+        times = np.arange(p * self._stride + 1)
+        mean, covariance = 1.0 + 0.1 * np.outer(times, np.ones(d)), np.tile(np.eye(d), (len(times), 1, 1))
+        nothing_seen = JointForecast(np.eye(p * d).reshape(p, d, p, d), 1.0, 0.0)
+        joint = None if self._joint is None else lambda ends: nothing_seen
+        data, binding = self._data(0.0, Forecast(mean, covariance), joint), Binding(problem)
+        binding.objective_parameters(data)
+        binding.limit_parameters(data)
+
+    def _data(self, time: float, forecast: Forecast, joint: Callable[[ArrayLike], Any] | None) -> dict[str, Any]:
+        """What a plan at a time is made from, by the names that objectives and limits know it by."""
+        ends = time + self.planner.problem.period * np.arange(1, self.planner.problem.pieces + 1)
+        # an estimator without a covariance is taken at its word
+        covariance = np.nan_to_num(forecast.covariance, nan=0.0)
+        data: dict[str, Any] = {
+            "forecast": Forecast(forecast.mean[self._stride :: self._stride], covariance[self._stride :: self._stride]),
+            "desired": self.desired(ends),
+            "present": Forecast(forecast.mean[0], covariance[0]),
+        }
+        if self._past is not None:
+            data["past"] = self._past.information
+        if joint is not None:
+            data["joint"] = joint(ends)
+        return data
+
     def decide(self, time: float, flat: Array, forecast: Forecast) -> Plan | ShootingPlan:
         """The plan from ``time`` on."""
         self.remember(time, flat, forecast)
@@ -107,16 +144,6 @@ class PlannedMotion:
             self.desired.pace(time, float(np.linalg.norm(line)))
         elif self._begin_at_sight:
             self.desired = self.desired.beginning_at(time, line)
-        ends = time + problem.period * np.arange(1, problem.pieces + 1)
-        # an estimator without a covariance is taken at its word
-        covariance = np.nan_to_num(forecast.covariance, nan=0.0)
-        ahead = Forecast(forecast.mean[self._stride :: self._stride], covariance[self._stride :: self._stride])
-        present = Forecast(forecast.mean[0], covariance[0])
-        more: dict[str, Any] = {}
-        if self._past is not None:
-            more["past"] = self._past.information
-        if self._joint is not None:
-            more["joint"] = self._joint(ends)
-        plan = self.planner.solve(flat, ahead, self.desired(ends), present=present, **more)
+        plan = self.planner.solve(flat, **self._data(time, forecast, self._joint))
         self._plan, self._followed = plan if isinstance(plan, Plan) else None, 0
         return plan

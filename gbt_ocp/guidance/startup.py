@@ -1,6 +1,11 @@
-"""The first moves: while the range is not known, the vehicle crosses the line of sight, and nothing is planned."""
+"""The first moves: while the range is not known, the vehicle crosses the line of sight, and nothing is planned.
+
+:class:`Crossing` is a state machine of plain numbers; ``kernel/gbt_startup.c`` is the same in C.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,16 +26,82 @@ from gbt_ocp.typing import Array
 LOST = 1.6
 """Factor on the deviation at which a vehicle that planned already crosses again."""
 
+STRAIGHT = 1e-9
+"""Size of the cross product of axis and line of sight below which they count as parallel."""
+
+
+@dataclass
+class Crossing:
+    """When to cross the line of sight, and how fast.
+
+    It begins in the sense in which the desired bearing turns, and reverses after every leg. As seen from the target the
+    vehicle moves against the turn of the bearing.
+
+    Attributes
+    ----------
+    axis
+        Of the turn of the desired bearing, a unit vector ``(3,)``; not read in the plane.
+    deviation
+        Posterior deviation of the range over the range below which it counts as known.
+    across, opening
+        Speeds across the line of sight and away from the target, m/s.
+    leg
+        Time in seconds after which the vehicle crosses the other way.
+    known
+        Whether the range was known at the last step.
+    crossing
+        Whether the vehicle crossed at the last step.
+    began
+        Time in seconds at which it began to, if so.
+    """
+
+    axis: Array
+    deviation: float
+    across: float
+    opening: float
+    leg: float
+    known: bool = False
+    crossing: bool = False
+    began: float = 0.0
+
+    def step(self, time: float, own: Array, mean: Array, covariance: Array) -> Array | None:
+        """The velocity ``(d,)`` in m/s at which to cross, or ``None`` where the range is known.
+
+        Parameters
+        ----------
+        time
+            In seconds.
+        own
+            Position of the vehicle ``(d,)``.
+        mean, covariance
+            Posterior of the target's position now, ``(d,)`` and ``(d, d)``; a covariance of NaN counts as zero.
+        """
+        d = len(own)
+        line = mean - own
+        distance = float(np.linalg.norm(line))
+        sight = line / distance if distance > 0.0 else np.eye(d)[0]
+        spread = float(np.sqrt(max(sight @ np.nan_to_num(covariance, nan=0.0) @ sight, 0.0)))
+        self.known = spread < (LOST if self.known else 1.0) * self.deviation * distance
+        if self.known:
+            self.crossing = False
+            return None
+        if not self.crossing:
+            self.crossing, self.began = True, time
+        sense = 1.0 if int((time - self.began) / self.leg + 1e-9) % 2 == 0 else -1.0
+        turn = np.array([-sight[1], sight[0]]) if d == 2 else np.cross(self.axis, sight)
+        size = float(np.linalg.norm(turn))
+        turn = turn / size if size > STRAIGHT else np.eye(d)[0]
+        return np.asarray(-sense * self.across * turn - self.opening * sight)
+
 
 class CrossFirst:
     """Crosses the line of sight until the range is observable, then plans.
 
     One bearing says nothing about range, and a first forecast is little more than its prior; a plan that circles it, or
     keeps a distance from it, would take that for knowledge. Crossing needs no range: it turns the line of sight fastest
-    at any. It begins in the sense in which the desired bearing turns, and reverses after every leg: from a straight
-    course the range of a target on another one does not show, however long it is. A part of the speed leads away, so
-    that a target that approaches no faster than that does not come nearer. Only the thrust's own limits are kept
-    meanwhile.
+    at any. The reversals matter: from a straight course the range of a target on another one does not show, however
+    long it is. A part of the speed leads away, so that a target that approaches no faster than that does not come
+    nearer. Only the thrust's own limits are kept meanwhile.
 
     Parameters
     ----------
@@ -39,7 +110,7 @@ class CrossFirst:
     vehicle
         Its thrust limits are obeyed.
     period
-        T in seconds, over which a velocity is brought about.
+        T in seconds, within which a desired velocity is reached.
     axis
         About which the desired bearing turns, in space.
     deviation
@@ -76,14 +147,9 @@ class CrossFirst:
             raise ValueError(f"guidance.startup_opening: found {opening}; allowed: a number < startup_speed = {speed}")
         self.planned = planned
         self._dynamics = InverseDynamics(vehicle, period)
-        self._axis = vector("axis", axis, 3)
-        self._axis /= positive("length of axis", float(np.linalg.norm(self._axis)))
-        self._deviation = deviation
-        self._opening = opening
-        self._across = float(np.sqrt(speed**2 - opening**2))
-        self._leg = leg
-        self._began: float | None = None
-        self._known = False
+        unit = vector("axis", axis, 3)
+        unit /= positive("length of axis", float(np.linalg.norm(unit)))
+        self._crossing = Crossing(unit, deviation, float(np.sqrt(speed**2 - opening**2)), opening, leg)
 
     @property
     def desired(self) -> DesiredBearing | PacedBearing:
@@ -96,27 +162,15 @@ class CrossFirst:
 
     def decide(self, time: float, flat: Array, forecast: Forecast) -> Plan | ShootingPlan | Array:
         """The thrust that crosses, or the plan."""
-        d = forecast.mean.shape[1]
-        line = forecast.mean[0] - flat[0, :d]
-        distance = float(np.linalg.norm(line))
-        sight = line / distance if distance > 0.0 else np.eye(d)[0]
-        spread = float(np.sqrt(max(sight @ np.nan_to_num(forecast.covariance[0], nan=0.0) @ sight, 0.0)))
-        known = spread < (LOST if self._known else 1.0) * self._deviation * distance
-        if known and not self._known:
-            self.planned.restart()
-        self._known = known
-        if known:
-            self._began = None
+        known = self._crossing.known
+        own = flat[0, : forecast.mean.shape[1]]
+        velocity = self._crossing.step(time, own, forecast.mean[0], forecast.covariance[0])
+        if velocity is None:
+            if not known:
+                self.planned.restart()
             return self.planned.decide(time, flat, forecast)
         self.planned.remember(time, flat, forecast)
-        if self._began is None:
-            self._began = time
-        sense = 1.0 if int((time - self._began) / self._leg + 1e-9) % 2 == 0 else -1.0
-        # the vehicle moves against the turn of the bearing, as seen from the target
-        turn = np.array([-sight[1], sight[0]]) if d == 2 else np.cross(self._axis, sight)
-        size = float(np.linalg.norm(turn))
-        turn = turn / size if size > 1e-9 else np.eye(d)[0]
-        return self._dynamics.reach_velocity(flat, -sense * self._across * turn - self._opening * sight)
+        return self._dynamics.reach_velocity(flat, velocity)
 
 
 def planner_of(guidance: Guidance) -> Planner | ShootingPlanner | None:

@@ -63,6 +63,8 @@ class RangeLimits:
         [0.5, 1).
     """
 
+    name: ClassVar[str] = "range"
+
     dimension: int
     nearest: float | None = None
     farthest: float | None = None
@@ -130,9 +132,9 @@ class RangeLimits:
             covariance = np.tile(covariance[:1], (pieces + 1, 1, 1))
         return {"mean": mean[..., None], "covariance": covariance}
 
-    def at_knot(self, mean: Any, covariance: Any) -> Mapping[str, Any]:
-        """The moments themselves."""
-        return {"mean": mean, "covariance": covariance}
+    def at_knot(self, mean: Any, covariance: Any, present: Any) -> Mapping[str, Any]:
+        """The moments themselves, or the present spread around the mean."""
+        return {"mean": mean, "covariance": covariance if self.foresee else present}
 
 
 @dataclass(frozen=True)
@@ -157,6 +159,7 @@ class FieldOfView:
     dimension: int
     half_angle: float
 
+    name: ClassVar[str] = "bow_angle"
     upper: ClassVar[Array] = np.full(1, np.inf)
     backoff: ClassVar[Array] = np.zeros(1)
 
@@ -189,6 +192,6 @@ class FieldOfView:
         """Means ``(p+1, d, 1)`` at the knots."""
         return {"mean": moments_at_knots(pieces, data, self)[0][..., None]}
 
-    def at_knot(self, mean: Any, covariance: Any) -> Mapping[str, Any]:
+    def at_knot(self, mean: Any, covariance: Any, present: Any) -> Mapping[str, Any]:
         """The mean."""
         return {"mean": mean}

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -106,6 +106,25 @@ def called(thing: object, name: str, arguments: Mapping[str, Any], allowed: str)
         raise ContractError(f"{named(thing, name)}: found {reason(fault)}; allowed: {allowed}") from fault
 
 
+def made(name: str, factory: Callable[..., Any], *arguments: Any) -> Any:
+    """What a function of the user's makes of these arguments; ``name`` is what messages call it.
+
+    Raises
+    ------
+    ContractError
+        If the function raises or returns nothing.
+    """
+    try:
+        found = factory(*arguments)
+    except ContractError as fault:
+        raise ContractError(f"{name}: {fault}") from fault
+    except Exception as fault:
+        raise ContractError(f"{name}: found {reason(fault)}; allowed: a function that runs") from fault
+    if found is None:
+        raise ContractError(f"{name}: found nothing returned; allowed: a function that returns what it makes")
+    return found
+
+
 def array(where: str, value: Any, shape: tuple[int, ...], meaning: str = "") -> Array:
     """A value that is an array of numbers.
 
@@ -141,8 +160,12 @@ def finite(where: str, values: Array, *, positive: bool = False) -> Array:
     ContractError
         If not.
     """
-    if not np.all(np.isfinite(values)) or (positive and not np.all(values > 0.0)):
-        raise ContractError(f"{where}: found {shown(values.tolist())}; allowed: finite numbers{' > 0' * positive}")
+    wrong = ~np.isfinite(values) | ((values <= 0.0) if positive else False)
+    if np.any(wrong):
+        first = tuple(int(places[0]) for places in np.nonzero(wrong))
+        entry = f"{values[first]} at {first if len(first) > 1 else first[0]} of" if values.size > 4 else ""
+        found = f"{entry} shape {values.shape}" if entry else str(values.tolist())
+        raise ContractError(f"{where}: found {found}; allowed: finite numbers{' > 0' * positive}")
     return values
 
 

@@ -196,7 +196,8 @@ class TrackTarget:
         Raises
         ------
         ValueError
-            If columns are missing or cells are not numbers; the message names the file.
+            If columns are missing, cells are not numbers, or a row has not as many as the header; the message names
+            the file.
         OSError
             If the file cannot be read.
         """
@@ -205,11 +206,17 @@ class TrackTarget:
             header = [name.strip() for name in file.readline().split(",")]
             if not set(columns) <= set(header):
                 raise ValueError(f"{path}: columns {', '.join(header)}; needed are {', '.join(columns)}")
-            rows = [line for line in file if line.strip()]
+            rows = {number: line for number, line in enumerate(file, start=2) if line.partition("#")[0].strip()}
             if not rows:
                 raise ValueError(f"{path}: no rows below the header")
+            for number, line in rows.items():
+                count = line.partition("#")[0].count(",") + 1
+                if count != len(header):  # its cells may be those of other columns
+                    raise ValueError(f"{path}: line {number}: found {count} cells; allowed: {len(header)}")
             try:
-                table = np.loadtxt(rows, delimiter=",", usecols=[header.index(name) for name in columns], ndmin=2)
+                table = np.loadtxt(
+                    list(rows.values()), delimiter=",", usecols=[header.index(name) for name in columns], ndmin=2
+                )
             except ValueError as fault:
                 raise ValueError(f"{path}: {fault}") from fault
         try:

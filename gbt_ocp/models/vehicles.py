@@ -80,11 +80,6 @@ def acceleration(vehicle: Vehicle, z: Any, dz: Any, inputs: Any) -> Any:
     return ca.solve(ca.jacobian(needed, ddz), inputs - without)
 
 
-def drift(vehicle: Vehicle, z: Any, dz: Any) -> Any:
-    """The acceleration z̈ ``(n,)`` without thrust, a CasADi expression."""
-    return acceleration(vehicle, z, dz, ca.SX.zeros(vehicle.thrust_max.size))
-
-
 class PlanarPointMass:
     """A point mass in the plane with linear drag: ``f = m z̈ + c ż``, flat output the position.
 

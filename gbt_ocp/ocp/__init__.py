@@ -2,6 +2,7 @@
 
 from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.export.folder import write_c
+from gbt_ocp.ocp.follower import Follower
 from gbt_ocp.ocp.limits import DepthLimits, KeepOut, KeepOutPolygon, SpeedLimit, ThrustLimit, YawRateLimit
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import Planner
@@ -26,6 +27,7 @@ __all__ = [
     "DepthLimits",
     "FlatPoint",
     "FlatTrajectory",
+    "Follower",
     "FromMoments",
     "JointObjective",
     "KeepOut",

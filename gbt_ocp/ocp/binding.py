@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.term_checks import bound_numbers
@@ -61,10 +62,11 @@ class Binding:
         start: Array,
         objectives: Sequence[Array],
         penalties: Sequence[tuple[float, float]],
-        tightening: float,
+        tightening: ArrayLike,
         limits: Sequence[Array] = (),
     ) -> Array:
-        """The parameter vector, for these (ϖ, w_p) of each penalty."""
+        """The parameter vector, for these (ϖ, w_p) of each penalty and a tightening of each constraint, or of all."""
+        inside = np.broadcast_to(tightening, len(self.problem.constraints))[len(self.problem.hard) :]
         parts = [start.ravel(), *(values.T.ravel() for values in (*objectives, *limits))]
-        parts += [np.array([width, weight, tightening]) for width, weight in penalties]
+        parts += [np.array([*pair, one]) for pair, one in zip(penalties, inside, strict=True)]
         return np.concatenate(parts)

@@ -1,114 +1,115 @@
-"""The last resort: a plan that slows the vehicle down within its limits, without any solver."""
+"""The last resort: a plan that slows the vehicle down within its thrust, by a few projections, without any solver."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from math import factorial
 
 import casadi as ca
 import numpy as np
 
-from gbt_ocp.models.vehicles import drift
+from gbt_ocp.models.vehicles import acceleration
 from gbt_ocp.ocp.problem_data import ProblemData
-from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.ocp.transcription import input_scale
+from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory, flat_point, propagate
 from gbt_ocp.typing import Array
 
-SHARES = (0.0, *(0.5**k for k in range(10, -1, -1)))
-"""How far from drifting to stopping: by halves, because a stop may take a thousand times the thrust there is."""
+BRAKING_POINTS = 11
+"""Points of a piece at which its thrust is held within the limits, both ends included."""
 
-AT_REST = 1e-16
-"""Sum of squares of speeds, over their scales, that counts as none."""
+ROUNDS = 20
+"""Rounds of projections over these points, at most."""
 
-ROUNDS = 12
-"""Rounds of the pattern search around the best of the family."""
-
-
-class Check(Protocol):
-    """Finds how far a trajectory breaks the limits; see :class:`gbt_ocp.ocp.check.LimitCheck`."""
-
-    def __call__(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
-        """Largest violation of each piece ``(p,)``."""
+INSIDE = 0.998
+"""Share of the limits that a projection leads to: between the points thrust may bulge a little."""
 
 
 class BrakingPlanner:
-    """Slows down as hard as the limits allow, piece by piece.
+    """Slows down as hard as the thrust allows, piece by piece; other limits are not looked at.
 
-    Each piece starts from a family of accelerations that runs from drifting (thrust zero at its beginning: always
-    within thrust limits there) to stopping within the piece, and improves the best of them by a pattern search: fast
-    turns couple the axes, and then no mixture of drifting and stopping may keep the limits. Better is what breaks the
-    limits less on the fine grid, and among those that keep them what ends slower.
+    A piece starts from the acceleration that stops within it. Wherever the thrust of that exceeds its limits, the
+    acceleration is moved by what the excess of thrust accelerates, point by point along the piece and again until no
+    point exceeds any more: cyclic projections onto sets that are nearly convex, since thrust is affine in the
+    acceleration. Where that does not end within :data:`ROUNDS`, drifting (thrust zero at the beginning) is the second
+    start, and the piece that breaks the limits less is taken, of two that keep them the one that ends slower. The
+    generated C has the same algorithm (``gbt_braking.c``).
 
     Parameters
     ----------
     problem
-        Whose limits and pieces.
-    check
-        Of all limits.
-    certain
-        Of those that come first, none of which may be given up for the others; it is asked without parameters.
+        Whose vehicle and pieces.
     """
 
-    def __init__(self, problem: ProblemData, check: Check, certain: Check | None = None) -> None:
+    def __init__(self, problem: ProblemData) -> None:
         self._problem = problem
-        self._check = check
-        self._certain = certain
-        size = problem.vehicle.flat_dimension
-        z, dz = ca.SX.sym("z", size), ca.SX.sym("dz", size)
-        self._drift = ca.Function("drift", [z, dz], [drift(problem.vehicle, z, dz)])
+        vehicle, size = problem.vehicle, problem.vehicle.flat_dimension
+        z, dz, ddz = (ca.SX.sym(name, size) for name in ("z", "dz", "ddz"))
+        thrust = ca.SX.sym("thrust", len(vehicle.thrust_max))
+        self._inputs = ca.Function("inputs", [z, dz, ddz], [vehicle.inputs(z, dz, ddz)])
+        self._acceleration = ca.Function("acceleration", [z, dz, thrust], [acceleration(vehicle, z, dz, thrust)])
 
-    def __call__(self, start: Array, limits: Sequence[Array] = ()) -> FlatTrajectory:
-        """A braking trajectory from the start ``(k+1, n)``, for these parameters of the constraints at the knots."""
+    def __call__(self, start: Array) -> FlatTrajectory:
+        """A braking trajectory from the start ``(k+1, n)``."""
         problem = self._problem
         top: list[Array] = []
-        for piece in range(problem.pieces):
-            so_far = FlatTrajectory(problem.period, start, np.array(top).reshape(-1, problem.freedoms))
-            top.append(self._piece(so_far.knots[-1], [values[:, piece:] for values in limits]))
-        return FlatTrajectory(problem.period, start, np.array(top))
+        knot = np.asarray(start, dtype=float)
+        for _ in range(problem.pieces):
+            top.append(self._piece(knot))
+            knot = FlatTrajectory(problem.period, knot, top[-1][None]).knots[1]
+        return FlatTrajectory(problem.period, np.asarray(start, dtype=float), np.array(top))
 
-    def _piece(self, knot: Array, limits: Sequence[Array]) -> Array:
+    def _piece(self, knot: Array) -> Array:
+        """What is free in the piece after a knot ``(freedoms,)``; derivatives above the lowest brake nothing: zero."""
         problem, n = self._problem, knot.shape[1]
-        drift = np.asarray(self._drift(knot[0], knot[1])).ravel()
-        stop = -knot[1] / problem.period
-        if problem.joined > 2:
-            # The acceleration is inherited: aim the one at the end of the piece instead.
-            lag = problem.period ** (problem.joined - 2)
-            drift, stop = (drift - knot[2]) / lag, (stop - knot[2]) / lag
-        drift = np.where(np.isfinite(drift), drift, 0.0)
-        best, best_key = drift, (np.inf, np.inf, np.inf)
+        best, best_key = np.zeros(problem.freedoms), (np.inf, np.inf)
+        drift = np.asarray(self._acceleration(knot[0], knot[1], np.zeros(len(problem.vehicle.thrust_max)))).ravel()
+        for aim in (-knot[1] / problem.period, np.where(np.isfinite(drift), drift, 0.0)):
+            # where the acceleration is inherited, the one at the end of the piece is aimed instead
+            lowest = aim if problem.joined == 2 else (aim - knot[2]) / problem.period ** (problem.joined - 2)
+            candidate, broken = self._projected(knot, np.concatenate([lowest, np.zeros(problem.freedoms - n)]))
+            end = FlatTrajectory(problem.period, knot, candidate[None]).knots[1, 1]
+            key = (broken, float(np.sum((end / problem.vehicle.acceleration_scale) ** 2)))
+            if key < best_key:
+                best, best_key = candidate, key
+            if broken <= 0.0:
+                break
+        return best
 
-        def whole(candidate: Array) -> Array:
-            """With the derivatives of higher order, which brake nothing: zero."""
-            return np.concatenate([candidate, np.zeros(problem.freedoms - n)])
-
-        def improve(candidate: Array) -> bool:
-            nonlocal best, best_key
-            trial = FlatTrajectory(problem.period, knot, whole(candidate)[None])
-            broken = max(float(self._check(trial, limits)[0]), 0.0)
-            first = 0.0 if self._certain is None else max(float(self._certain(trial)[0]), 0.0)
-            key = (first, broken, float(np.sum((trial.knots[1, 1] / problem.vehicle.acceleration_scale) ** 2)))
-            if not key < best_key:
-                return False
-            best, best_key = candidate, key
-            return True
-
-        improve(stop)
-        if best_key[:2] == (0.0, 0.0) and best_key[2] < AT_REST:  # nothing ends slower
-            return whole(best)
-        for share in SHARES:
-            # Yaw brakes by its own share: a fast turn and a fast drift need different ones.
-            for last_share in (share, 0.0, 0.5, 1.0):
-                mix = np.full(len(drift), share)
-                mix[-1] = last_share
-                improve(drift + mix * (stop - drift))
-        reach = 0.25 * input_scale(problem)[:n]
+    def _projected(self, knot: Array, free: Array) -> tuple[Array, float]:
+        """The best of a few rounds from what is free in a piece, and how far its thrust exceeds the limits."""
+        best, least, share = free, np.inf, 1.0
         for _ in range(ROUNDS):
-            moved = False
-            for axis in range(len(drift)):
-                for sign in (1.0, -1.0):
-                    step = np.zeros(len(drift))
-                    step[axis] = sign * reach[axis]
-                    moved = improve(best + step) or moved
-            if not moved:
-                reach = 0.5 * reach
-        return whole(best)
+            excess = max(self._excess(knot, free, k) for k in self._points)
+            if excess < least:
+                best, least = free.copy(), excess
+            else:
+                share *= 0.5
+            if not excess > 0.0:
+                break
+            for k in self._points:
+                if self._excess(knot, free, k) > 0.0:
+                    free = free + share * self._move(knot, free, k)
+        return best, least
+
+    @property
+    def _points(self) -> range:
+        """Numbers of the points at which the lowest free derivative moves the thrust."""
+        return range(0 if self._problem.joined == 2 else 1, BRAKING_POINTS)
+
+    def _point(self, knot: Array, free: Array, k: int) -> FlatPoint:
+        time = self._problem.period * k / (BRAKING_POINTS - 1)
+        return flat_point(propagate(list(knot), list(free.reshape(-1, knot.shape[1])), time))
+
+    def _excess(self, knot: Array, free: Array, k: int) -> float:
+        """How far the thrust exceeds its limits at a point, at least 0; infinite where it is not a number."""
+        thrust = np.abs(np.asarray(self._inputs(*self._point(knot, free, k))).ravel())
+        excess = float(np.max(thrust / self._problem.vehicle.thrust_max)) - 1.0
+        return np.inf if np.isnan(excess) else max(excess, 0.0)
+
+    def _move(self, knot: Array, free: Array, k: int) -> Array:
+        """What brings the thrust at a point within its limits."""
+        problem, n, above = self._problem, knot.shape[1], self._problem.joined - 2
+        point, limit = self._point(knot, free, k), INSIDE * self._problem.vehicle.thrust_max
+        within = np.clip(np.asarray(self._inputs(*point)).ravel(), -limit, limit)
+        power = (problem.period * k / (BRAKING_POINTS - 1)) ** above / factorial(above)
+        move = np.zeros(len(free))
+        move[:n] = (np.asarray(self._acceleration(point.z, point.dz, within)).ravel() - point.ddz) / power
+        return move if np.all(np.isfinite(move)) else np.zeros(len(free))

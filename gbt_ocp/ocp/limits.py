@@ -38,6 +38,8 @@ class ThrustLimit:
         If γ lies outside (0, 1] or the units are unknown.
     """
 
+    name: ClassVar[str] = "thrust"
+
     vehicle: Vehicle
     gamma: float = 1.0
     units: Literal["normalised", "newton"] = "normalised"
@@ -92,6 +94,8 @@ class KeepOut:
         If the centre is not two or three finite numbers, or the radius is not above 0.
     """
 
+    name: ClassVar[str] = "keep_out"
+
     centre: tuple[float, ...]
     radius: float
 
@@ -129,6 +133,8 @@ class KeepOutPolygon:
     ValueError
         If there are fewer than three corners, the polygon is not strictly convex, or the softness is not above 0.
     """
+
+    name: ClassVar[str] = "keep_out"
 
     corners: tuple[tuple[float, float], ...]
     softness: float = 0.1
@@ -194,6 +200,8 @@ class DepthLimits:
         If ``lowest`` is not below ``highest``.
     """
 
+    name: ClassVar[str] = "depth"
+
     lowest: float
     highest: float
 
@@ -236,6 +244,8 @@ class SpeedLimit:
         If the speed is not above 0.
     """
 
+    name: ClassVar[str] = "speed"
+
     dimension: int
     speed: float
 
@@ -269,6 +279,8 @@ class YawRateLimit:
     ValueError
         If the rate is not above 0.
     """
+
+    name: ClassVar[str] = "yaw_rate"
 
     dimension: int
     rate: float

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.ocp.solvers.base import GIVEN_UP
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.typing import Array
+
+ANSWERED = ("solved", GIVEN_UP)
+"""Words for a first attempt that succeeded."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +25,8 @@ class Plan:
     trajectory
         The flat output over the horizon.
     status
-        ``solved``, or the word of the solver for the first attempt of this step; empty while a plan is followed on.
+        ``solved``, ``given up`` (solved, and the limits named in :attr:`given_up` could not be kept), or the word for
+        what happened to the first attempt of this step; empty while a plan is followed on.
     objective
         The objective without penalty, summed over the endpoints.
     violation
@@ -32,12 +38,17 @@ class Plan:
     solve_time
         Seconds of all attempts, fine-grid checks included.
     fallback
-        ``""``, ``shifted`` (the rest of the previous plan), ``cold`` (a cold solve), ``relaxed`` (hard limits on what
-        is only believed as penalties) or ``braking``.
+        ``""``, ``shifted`` (the rest of the previous plan), ``cold`` (a cold solve), ``unfinished`` (what the solver
+        had when its iterations were spent) or ``braking``.
     tightened
-        How often the limits were tightened because the piece to be executed broke them between nodes.
+        How often limits were tightened because the piece to be executed broke them between nodes.
     elapsed
         Seconds of the trajectory that lie behind: 0 for a plan just made, more for one that is followed on.
+    given_up
+        Limits that the plan does not keep, by name, with their worst violation on the fine grid in units of the limit.
+        Never thrust, and no penalty on what is only believed, which is not judged.
+    broken_at_start
+        Limits that are broken where the plan begins and no plan can change it, by name, likewise.
     """
 
     trajectory: FlatTrajectory
@@ -50,11 +61,18 @@ class Plan:
     fallback: str = ""
     tightened: int = 0
     elapsed: float = 0.0
+    given_up: Mapping[str, float] = field(default_factory=dict)
+    broken_at_start: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def solved(self) -> bool:
-        """Whether the first attempt of this step succeeded."""
+        """Whether the first attempt of this step succeeded and its plan keeps the limits."""
         return self.status == "solved"
+
+    @property
+    def answered(self) -> bool:
+        """Whether the first attempt of this step succeeded, be it that limits had to give."""
+        return self.status in ANSWERED
 
     @property
     def knots(self) -> Array:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Self
+from dataclasses import dataclass, field
 
 from gbt_ocp.models.sizes import at_least, positive
 from gbt_ocp.models.vehicles import Vehicle
@@ -84,40 +82,3 @@ class ProblemData:
         """
         soft = (not is_believed(limit.constraint) for limit in self.penalties)
         return (*(True for _ in self.hard), *soft)
-
-    @property
-    def relaxed(self) -> Self | None:
-        """The same problem with hard limits on what is only believed as penalties; ``None`` if there are none.
-
-        A forecast may jump so that no plan keeps a distance from it. This problem still has a plan: the one that gets
-        nearest to keeping it. Its :attr:`constraints` are those of the problem in the order of
-        :attr:`relaxed_order`.
-        """
-        believed = [limit for limit in self.hard if is_believed(limit.constraint)]
-        if not believed:
-            return None
-        kept = tuple(limit for limit in self.hard if not is_believed(limit.constraint))
-        softened = tuple(PenaltyLimit(limit.constraint, limit.nodes, 100.0, 0.01) for limit in believed)
-        return replace(self, hard=kept, penalties=(*self.penalties, *softened))
-
-    def limited_to(self, keep: Callable[[Constraint], bool]) -> Self:
-        """The same problem with those of its limits whose constraints are to be kept, hard and penalised."""
-        return replace(
-            self,
-            hard=tuple(limit for limit in self.hard if keep(limit.constraint)),
-            penalties=tuple(limit for limit in self.penalties if keep(limit.constraint)),
-        )
-
-    @property
-    def certain(self) -> Self:
-        """The same problem without the limits on what is only believed."""
-        return self.limited_to(lambda constraint: not is_believed(constraint))
-
-    @property
-    def relaxed_order(self) -> tuple[int, ...]:
-        """Where each constraint of :attr:`relaxed` stands among :attr:`constraints`."""
-        moving = [is_believed(limit.constraint) for limit in self.hard]
-        kept = [number for number, moves in enumerate(moving) if not moves]
-        softened = [number for number, moves in enumerate(moving) if moves]
-        soft = [len(self.hard) + number for number in range(len(self.penalties))]
-        return (*kept, *soft, *softened)

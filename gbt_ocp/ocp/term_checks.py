@@ -95,7 +95,7 @@ def check_constraint(constraint: Constraint, vehicle: Vehicle) -> None:
     bounded = expression(named(constraint, "value"), value, (-1, 1), [*point, *parameters.values()], "one column")
     _check_bounds(constraint, bounded.numel())
     if has(constraint, "at_knot"):
-        _check_moments(constraint, "at_knot", {"mean": 1, "covariance": 0}, shapes, vehicle)
+        _check_moments(constraint, "at_knot", {"mean": 1, "covariance": 0, "present": 0}, shapes, vehicle)
 
 
 def bound_numbers(

@@ -170,8 +170,16 @@ class LimitFromMoments(Protocol):
     def shapes(self) -> Mapping[str, tuple[int, int]]:
         """Parameters at one time: name to matrix shape."""
 
-    def at_knot(self, mean: Any, covariance: Any) -> Mapping[str, Any]:
-        """CasADi expressions of the parameters, from μ ``(d,)`` and Σ ``(d, d)``."""
+    def at_knot(self, mean: Any, covariance: Any, present: Any) -> Mapping[str, Any]:
+        """CasADi expressions of the parameters.
+
+        Parameters
+        ----------
+        mean, covariance
+            μ ``(d,)`` and Σ ``(d, d)`` at the knot.
+        present
+            Σ ``(d, d)`` at the beginning of the plan.
+        """
 
 
 Constraint = PathConstraint | MovingConstraint

@@ -124,7 +124,7 @@ class FlatTrajectory:
         """z̄: the flat output at the end of each piece ``(p, n)``."""
         return np.asarray(self.knots[1:, 0])
 
-    @property
+    @cached_property
     def coefficients(self) -> Array:
         """c_i of ``eq31``: coefficients of 1, s, …, s^L of each piece ``(p, L+1, n)``."""
         scale: Array = np.array([1.0 / factorial(order) for order in range(self.degree + 1)])

@@ -14,7 +14,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
+from gbt_ocp.ocp.limit_classes import LIMIT_WEIGHT, LimitClass, hard_weights, limit_class
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective
 from gbt_ocp.ocp.trajectory import FlatPoint, propagate
@@ -120,7 +122,8 @@ class Transcription:
 
     ``variables`` is u, piece by piece ``(freedoms p,)``; ``parameters`` stacks the start, the parameters of the
     objectives and of the constraints, and (ϖ, w_p, tightening) of each penalty. The penalty is ``Σ cost g(excess)``
-    with g of half width ``width``.
+    with g of half width ``width``. ``weight`` is the price of a violation of one unit of each limit that may give for
+    others, infinite of those that may not; ``rows`` says how many rows of ``limits`` each hard limit has.
     """
 
     variables: ca.MX
@@ -134,11 +137,48 @@ class Transcription:
     lower: Array
     upper: Array
     scale: Array
+    weight: Array
+    rows: tuple[int, ...]
+
+    def inward(self, tightening: ArrayLike) -> Array:
+        """By how much a tightening moves the bound of each row of ``limits``.
+
+        ``tightening`` is one number a constraint, hard ones first, or one for all, in units of the limits.
+        """
+        each = np.asarray(tightening, dtype=float)
+        per_limit = each[: len(self.rows)] if each.ndim else np.full(len(self.rows), float(each))
+        return np.asarray(np.repeat(per_limit, self.rows) * self.scale)
+
+    @property
+    def giving(self) -> list[int]:
+        """Rows of ``limits`` that may give for others."""
+        return np.flatnonzero(np.isfinite(self.weight)).tolist()
 
     @property
     def nlp(self) -> dict[str, ca.MX]:
-        """The program in CasADi's form."""
-        return {"x": self.variables, "p": self.parameters, "f": -self.objective + self.penalty, "g": self.limits}
+        """The program in CasADi's form.
+
+        Limits that may give for others have slacks ``l >= 0`` as further unknowns, the last ones, at an exact l1 price:
+        ``limits - l <= upper`` in their place among the limits, ``limits + l >= lower`` after everything else.
+        """
+        plain = {"x": self.variables, "p": self.parameters, "f": -self.objective + self.penalty, "g": self.limits}
+        return self._with_slacks(plain)
+
+    def _with_slacks(self, nlp: dict[str, ca.MX]) -> dict[str, ca.MX]:
+        rows = self.giving
+        if not rows:
+            return nlp
+        slack = ca.MX.sym("l", len(rows))
+        scaled = ca.DM(self.scale[rows]) * slack
+        full = ca.MX.zeros(self.limits.numel())
+        full[rows] = scaled
+        rest = nlp["g"][self.limits.numel() :]
+        return {
+            "x": ca.vertcat(nlp["x"], slack),
+            "p": nlp["p"],
+            "f": nlp["f"] + ca.dot(ca.DM(self.weight[rows]), slack),
+            "g": ca.vertcat(self.limits - full, rest, self.limits[rows] + scaled),
+        }
 
     @property
     def elastic_nlp(self) -> dict[str, ca.MX]:
@@ -150,12 +190,13 @@ class Transcription:
         """
         size = self.excess.numel()
         s, e = ca.MX.sym("s", size), ca.MX.sym("e", size)
-        return {
+        elastic = {
             "x": ca.vertcat(self.variables, s, e),
             "p": self.parameters,
             "f": -self.objective + ca.dot(self.cost, s + e**2 / (4.0 * self.width)),
             "g": ca.vertcat(self.limits, s + e - self.excess - self.width),
         }
+        return self._with_slacks(elastic)
 
 
 def transcribe(problem: ProblemData) -> Transcription:
@@ -190,7 +231,7 @@ def transcribe(problem: ProblemData) -> Transcription:
     for number, soft in enumerate(problem.penalties, start=len(problem.hard)):
         settings = ca.MX.sym("penalty", 3)
         parameters.append(settings)
-        width, weight, tightening = ca.vertsplit(settings)
+        width, w_p, tightening = ca.vertsplit(settings)
         c = soft.constraint
         function = constraint_function(problem, c)
         shares = np.linspace(0.0, 1.0, soft.nodes + 1)
@@ -206,12 +247,12 @@ def transcribe(problem: ProblemData) -> Transcription:
                 excess = sign * (values[rows, :] - ca.repmat(ca.DM(bound[rows]), 1, values.size2()))
                 excess += ca.repmat(inside[rows], 1, values.size2())
                 excesses.append(ca.vec(excess))
-                costs.append(weight * ca.vec(ca.repmat(weights.T, len(rows), 1)))
+                costs.append(w_p * ca.vec(ca.repmat(weights.T, len(rows), 1)))
                 widths.append(ca.repmat(width, excess.numel(), 1))
     excess, cost, width = (ca.vertcat(*parts) if parts else ca.MX(0, 1) for parts in (excesses, costs, widths))
 
-    limits, lower, upper, scale = [], [], [], []
-    for number, limit in enumerate(problem.hard):
+    limits, lower, upper, scale, weight = [], [], [], [], []
+    for number, (limit, price) in enumerate(zip(problem.hard, hard_weights(problem), strict=True)):
         c = limit.constraint
         shares = np.linspace(0.0, 1.0, limit.nodes + 1)[first_free_node(problem, c) :]
         function = constraint_function(problem, c)
@@ -220,6 +261,8 @@ def transcribe(problem: ProblemData) -> Transcription:
         lower.append(np.tile(c.lower + c.backoff, p * len(shares)))
         upper.append(np.tile(c.upper - c.backoff, p * len(shares)))
         scale.append(np.tile(c.scale, p * len(shares)))
+        thrust = limit_class(problem, c) == LimitClass.THRUST
+        weight.append(np.full(len(scale[-1]), np.inf if thrust else LIMIT_WEIGHT * price))
     empty = [np.zeros(0)]
     return Transcription(
         variables,
@@ -233,6 +276,8 @@ def transcribe(problem: ProblemData) -> Transcription:
         np.concatenate(lower or empty),
         np.concatenate(upper or empty),
         np.concatenate(scale or empty),
+        np.concatenate(weight or empty),
+        tuple(len(part) for part in scale),
     )
 
 

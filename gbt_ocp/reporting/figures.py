@@ -1,6 +1,7 @@
 """The figures of one run: what the paper's figure 4 shows, with thrust against its limits and solver time.
 
-They need the three files of a run folder and nothing else. No pyplot: figures are objects, many runs may draw at once.
+They need the three files of a run folder and nothing else. Figures are objects made without pyplot, so several runs
+may draw at the same time.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gbt_ocp.reporting import style
+from gbt_ocp.reporting.drawable import drawable_history
 from gbt_ocp.reporting.trajectories import trajectories
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.history import History
@@ -24,6 +26,7 @@ _AXIS_NAMES = {3: ("surge", "sway", "yaw"), 4: ("surge", "sway", "heave", "yaw")
 _ANSWERS: dict[str, dict[str, Any]] = {
     "shifted": {"marker": "^", "color": style.PURPLE},
     "cold": {"marker": "s", "color": style.ORANGE},
+    "unfinished": {"marker": "D", "color": style.ORANGE},
     "braking": {"marker": "X", "color": style.BLACK},
 }
 
@@ -36,7 +39,8 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
     history
         The run.
     configuration
-        The mapping of ``config.yaml``; read are ``sensor.period_s`` and, failing the summary, ``vehicle.thrust_max``.
+        The mapping of ``config.yaml``; read are ``sensor.period_s`` and, if the summary lacks it,
+        ``vehicle.thrust_max``.
     summary
         The mapping of ``summary.json``; read are ``settling_s`` and ``thrust_max``.
 
@@ -53,7 +57,7 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
     period = _value(configuration, "sensor", "period_s")
     if not isinstance(period, int | float) or not 0.0 < period < np.inf:
         raise ValueError(f"{run_folder.CONFIGURATION}: sensor.period_s: found {period!r}; allowed: a number > 0")
-    # the configuration of a problem's own vehicle does not know its limits, the summary does
+    # of a problem's own vehicle, only the summary has the limits
     known = summary.get("thrust_max")
     limits = known or _value(configuration, "vehicle", "thrust_max")
     axes_count = history.thrust.shape[1]
@@ -90,7 +94,7 @@ def write_figures(run_dir: str | os.PathLike[str]) -> list[Path]:
     """
     folder = Path(run_dir)
     _, configuration = run_folder.read_configuration(folder)
-    history = History.load_npz(folder / run_folder.HISTORY)
+    history = drawable_history(folder)
     figures = draw_figures(history, configuration, run_folder.read_summary(folder))
     place = folder / run_folder.FIGURES
     place.mkdir(exist_ok=True)
@@ -201,7 +205,7 @@ def _thrust(history: History, thrust_max: Array) -> Figure:
         axes.plot(history.t, relative[:, index], color=style.BLUE, linewidth=0.8, label="at the start of the piece")
         for limit in (-1.0, 1.0):
             axes.axhline(limit, color=style.VERMILLION, linestyle="--", linewidth=1.0, label="limit")
-        # Solvers stop at about 1e-8 of their limits: that much is no violation a reader should be sent to look for.
+        # Solvers stop at about 1e-8 of their limits, which is not marked as a violation.
         above = known & (peak[:, index] > 1.0 + 1e-6)
         if above.any():
             axes.plot(
@@ -221,7 +225,7 @@ def _times(history: History, period: float) -> Figure:
     figure = style.new_figure(3.2)
     axes = figure.add_subplot()
     planned = history.planned
-    failed = planned & (history.solver_status != "solved")
+    failed = planned & ~history.answered
     solver = 1e3 * history.solver_time
     tracker = 1e3 * history.tracker_time
     series = [np.array([1e3 * period])]
@@ -258,12 +262,12 @@ def _times(history: History, period: float) -> Figure:
 
 
 def _positive(values: Array) -> Array:
-    """Values as a logarithmic axis can show them: NaN where zero, negative or infinite."""
+    """Values that a logarithmic axis can show; NaN for zero, negative and infinite ones."""
     return np.where(np.isfinite(values) & (values > 0.0), values, np.nan)
 
 
 def _log_limits(axes: Axes, first: Array, *others: Array) -> None:
-    """Whole view of the first series; others (a bound, say) may widen it by at most three decades on either side."""
+    """Show all of the first series. Others, such as a bound, widen the view by at most three decades on either side."""
     finite = first[np.isfinite(first)]
     if not finite.size:
         return
@@ -273,7 +277,7 @@ def _log_limits(axes: Axes, first: Array, *others: Array) -> None:
         if within.size:
             low = min(low, max(float(within.min()), 1e-3 * low))
             high = max(high, min(float(within.max()), 1e3 * high))
-    if high < 10.0 * low:  # never less than a decade: the ticks of a logarithmic axis need it
+    if high < 10.0 * low:  # at least a decade, which the ticks of a logarithmic axis need
         middle = np.sqrt(low * high)
         low, high = middle / np.sqrt(10.0), middle * np.sqrt(10.0)
     axes.set_ylim(low / 1.4, high * 1.4)

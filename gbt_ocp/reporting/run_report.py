@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from gbt_ocp.files import packaged_text, whole_file
+from gbt_ocp.reporting.drawable import drawable_history
 from gbt_ocp.reporting.figures import draw_figures
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.history import History
@@ -93,7 +94,7 @@ def report_page(run_dir: str | os.PathLike[str]) -> str:
     """
     folder = Path(run_dir)
     text, configuration = run_folder.read_configuration(folder)
-    history = History.load_npz(folder / run_folder.HISTORY)
+    history = drawable_history(folder)
     summary = run_folder.read_summary(folder)
     title = f"{configuration.get('name', 'run')}, seed {summary.get('seed')}"
     figures = draw_figures(history, configuration, summary)
@@ -123,8 +124,9 @@ def _in_a_sentence(history: History, summary: dict[str, Any]) -> str:
     thrust = f"the vehicle {kept}" if violation is None else f"the vehicle {kept} its thrust limits"
     planned = int(np.count_nonzero(history.planned))
     solved = f"{planned} plans, {fallbacks} of them a fallback after a failed solve" if planned else "no plans"
+    space = "the plane" if history.dimension == 2 else "space"
     return (
-        f"{history.t[-1]:.4g} s in {'the plane' if history.dimension == 2 else 'space'}, {len(history.t)} samples; "
+        f"{_seconds(history.t[-1])} s in {space}, {len(history.t)} samples; "
         f"settled error {_number(summary.get('error_settled'))} m; {thrust}; {solved}."
     )
 
@@ -132,7 +134,7 @@ def _in_a_sentence(history: History, summary: dict[str, Any]) -> str:
 def _summary_rows(summary: dict[str, Any]) -> Iterable[tuple[str, ...]]:
     for key, value in summary.items():
         if key in ("versions", "warnings", "fallbacks", "retries"):
-            continue  # each has a place of its own
+            continue  # shown elsewhere
         unit, meaning = MEANING.get(key, ("", ""))
         yield _number(value), unit, meaning, key
 
@@ -159,13 +161,13 @@ def _ledger(history: History, summary: dict[str, Any]) -> list[str]:
             ],
         ),
     ]
-    failed = np.flatnonzero(planned & ((history.solver_status != "solved") | (history.fallback != "")))
+    failed = np.flatnonzero(planned & (~history.answered | (history.fallback != "")))
     if not len(failed):
         return [*lines, "<p>Every plan was solved at the first try.</p>"]
     shown = failed[:MOST_FAILURES]
     rows = [
         (
-            f"{history.t[k]:.4g}",
+            _seconds(history.t[k]),
             str(history.solver_status[k]),
             str(history.fallback[k]) or "none",
             str(history.solver_iterations[k]),
@@ -191,6 +193,11 @@ def _number(value: Any) -> str:
     if isinstance(value, list):
         return ", ".join(map(_number, value))
     return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _seconds(time: float) -> str:
+    """A time to a microsecond, however long the run."""
+    return f"{time:.6f}".rstrip("0").rstrip(".")
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]], kind: str = "") -> str:

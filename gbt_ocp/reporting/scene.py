@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gbt_ocp.reporting.drawable import drawable_history
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.calibration import region_radius
 from gbt_ocp.simulation.history import History
@@ -43,7 +44,7 @@ class Scene:
             If one is damaged.
         """
         folder = Path(run_dir)
-        history = History.load_npz(folder / run_folder.HISTORY)
+        history = drawable_history(folder)
         _, configuration = run_folder.read_configuration(folder)
         seed = run_folder.read_summary(folder).get("seed")
         return cls(f"{configuration.get('name', 'run')}, seed {seed}", history)

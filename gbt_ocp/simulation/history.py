@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.files import read_arrays
 from gbt_ocp.models.bearings import condition_number, cumulative_bearing_matrix
-from gbt_ocp.ocp.plan import Plan, ShootingPlan
+from gbt_ocp.ocp.plan import ANSWERED, Plan, ShootingPlan
 from gbt_ocp.simulation.columns import SAME_LENGTH, UNKNOWN, column, columns, recorded
 from gbt_ocp.simulation.step import Step
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, GaussianProcess, relative_range_std
@@ -82,7 +82,7 @@ class History:
     Raises
     ------
     ValueError
-        If arrays disagree about K, d, n, the number of inputs or of outputs.
+        If arrays disagree about K, d, n, the number of inputs or of outputs, or times do not increase.
     """
 
     t: Array = column("t", lambda step: step.time, "s", meaning="Times t_k")
@@ -197,7 +197,7 @@ class History:
         "t",
         _planned(lambda plan: plan.fallback, ""),
         kind=str,
-        meaning="Answer to a failed solve: ``shifted``, ``cold``, ``relaxed``, ``braking``, or nothing",
+        meaning="Answer to a failed solve: ``shifted``, ``cold``, ``unfinished``, ``braking``, or nothing",
     )
     desired_bearing: Array = column("t axis", lambda step: step.desired_bearing, meaning="Desired bearing λ* at t_k")
     piece_thrust_peak: Array = column(
@@ -213,6 +213,13 @@ class History:
         "m2",
         meaning="Prior covariance of the target's coordinates under the hyperparameters, NaN if the tracker has "
         "none; off the diagonal R_xy, R_xz, R_yz of the linear model of coregionalization",
+    )
+    off_plan: Array = column(
+        "t",
+        lambda step: step.move.off_plan,
+        "m",
+        optional=True,
+        meaning="Distance from the planned position at the end of the period that begins at t_k, NaN without a plan",
     )
 
     def __post_init__(self) -> None:
@@ -231,8 +238,16 @@ class History:
                     )
         if not self.t.size:
             raise ValueError("history: found no steps; allowed: at least one")
+        wrong = np.flatnonzero(~np.isfinite(self.t) | (np.diff(self.t, prepend=-np.inf) <= 0.0))
+        if wrong.size:
+            raise ValueError(f"history: t: found {self.t[wrong[0]]} at step {wrong[0]}; allowed: times that increase")
         if self.dimension not in (2, 3):
             raise ValueError(f"history: found positions with {self.dimension} coordinates; allowed: 2 or 3")
+
+    @property
+    def answered(self) -> NDArray[np.bool_]:
+        """Whether the first attempt of a step succeeded, be it that limits had to give ``(K,)``."""
+        return np.isin(self.solver_status, ANSWERED)
 
     @property
     def dimension(self) -> int:
@@ -286,7 +301,7 @@ class History:
         Raises
         ------
         ValueError
-            If the file is no ``.npz``, an array is missing, or shapes disagree.
+            If the file is no ``.npz``, an array is missing, shapes disagree, or times do not increase.
         """
         declared = columns(cls)
         needed = [one.name for one in declared if not one.optional]

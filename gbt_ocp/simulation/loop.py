@@ -18,9 +18,11 @@ from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target
 from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.ocp.follower import BANDWIDTH
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.simulation.history import History
 from gbt_ocp.simulation.mover import Mover
+from gbt_ocp.simulation.plant import Plant
 from gbt_ocp.simulation.recorder import Recorder
 from gbt_ocp.simulation.step import Step
 from gbt_ocp.tracking.protocol import Forecast, GaussianProcess, PositionTracker, Tracker
@@ -44,13 +46,18 @@ class ClosedLoop:
     forecast_period
         Seconds between them; T in the paper.
     follow
-        ``exact``: the vehicle follows the planned flat output. ``dynamics``: its forward dynamics are integrated under
-        the planned thrust, clipped to the limits. A piece that no thrust within the limits can follow (of a braking
-        plan, at worst) is clipped and integrated either way.
+        ``exact``: the vehicle follows the planned flat output; a piece that no thrust within the limits can follow (of
+        a braking plan, at worst) is clipped and integrated, and so is the rest of that plan. ``dynamics``: the forward
+        dynamics are integrated from where the vehicle is, under the planned thrust, clipped to the limits.
+        ``feedback``: the same with a :class:`~gbt_ocp.ocp.follower.Follower` between plans.
     bound_delta
         δ of the recorded error bound.
     rng
         Source of the sensor's draws, and of the noise of the positions that a :class:`PositionTracker` is given.
+    plant
+        The vehicle that moves, where it is not the model; not with ``exact``.
+    follow_bandwidth
+        Of the follower, rad/s.
     """
 
     target: Target
@@ -62,11 +69,13 @@ class ClosedLoop:
     window: int
     forecast: int
     forecast_period: float
-    follow: Literal["exact", "dynamics"]
+    follow: Literal["exact", "dynamics", "feedback"]
     bound_delta: float
     rng: np.random.Generator
+    plant: Plant | None = None
+    follow_bandwidth: float = BANDWIDTH
 
-    # what a protocol says of an object takes as long to find out as a step of a cheap tracker: asked once a loop
+    # isinstance with a protocol takes as long as a step of a cheap tracker, so it is asked once
 
     @cached_property
     def position_tracker(self) -> PositionTracker | None:
@@ -80,7 +89,7 @@ class ClosedLoop:
 
     @cached_property
     def bearing_guidance(self) -> BearingGuidance | None:
-        """The guidance, if it is told of bearings."""
+        """The guidance, if it steers by bearings."""
         return self.guidance if isinstance(self.guidance, BearingGuidance) else None
 
 
@@ -97,7 +106,7 @@ class Recording:
     nugget_retries
         How often the tracker had to raise its nugget.
     refused_bearings
-        Bearings that the tracker refused because they were none: not finite, not of length 1, or out of time.
+        Bearings that the tracker refused: not finite, not of length 1, or out of order.
     held_forecasts
         Steps in which the tracker's forecast was not finite and the guidance was given the one before.
     clipped
@@ -122,8 +131,8 @@ Progress = Callable[[int, float, float], None]
 
 
 def step_count(duration: float, period: float) -> int:
-    """Steps of a run: the first at t = 0, the last at the last whole period within the duration (both in seconds)."""
-    # a tenth is no binary number: 0.3/0.1 is a little less than 3
+    """Steps of a run: the first at t = 0, the last at the last full period within the duration (both in seconds)."""
+    # a tenth has no exact binary form: 0.3/0.1 is a little less than 3
     return int(duration / period + 1e-6) + 1
 
 
@@ -153,7 +162,7 @@ def simulate(
         The class of the history; a subclass may declare further arrays.
     """
     period, vehicle = loop.sensor.period, loop.vehicle
-    mover = Mover(vehicle, period, loop.follow)
+    mover = Mover(vehicle, period, loop.follow, loop.plant, loop.follow_bandwidth)
     flat = np.asarray(start, dtype=float)
     state = vehicle.state(flat[0], flat[1])
     steps = step_count(duration, period)
@@ -175,8 +184,8 @@ def simulate(
         if bearing is not None:
             underway.append((t, bearing, own, position))
         while underway and underway[0][0] <= t - loop.sensor.latency + 1e-9:
-            measured, arrived, there, whole = underway.popleft()
-            if _taken(loop, measured, arrived, there, whole):
+            measured, arrived, there, place = underway.popleft()
+            if _taken(loop, measured, arrived, there, place):
                 seen.append(arrived)
                 latest = arrived
             else:
@@ -192,7 +201,7 @@ def simulate(
             loop.bearing_guidance.see(latest)
         decision = loop.guidance.decide(t, flat, usable)
         if isinstance(decision, Plan):
-            move = mover.follow(decision)
+            move = mover.follow(state, decision)
         elif isinstance(decision, Placement):
             move = mover.place(state, decision.position)
         else:
@@ -225,19 +234,19 @@ def simulate(
 
 
 def _taken(loop: ClosedLoop, time: float, bearing: Array, own: Array, position: Array) -> bool:
-    """Give the tracker what was measured; whether it took it."""
+    """Give the tracker a measurement. Returns whether it took it."""
     try:
         if loop.position_tracker is not None:
             loop.position_tracker.update_position(time, position)
         else:
             cast(Tracker, loop.tracker).update(time, bearing, own)
-    except ValueError:  # no bearing at all, by the tracker's protocol; the tracker is unchanged
+    except ValueError:  # refused, by the protocol of trackers; the tracker is unchanged
         return False
     return True
 
 
 def _is_finite(forecast: Forecast) -> bool:
-    """Whether a plan can be made for it; a covariance of NaN says that there is none."""
+    """Whether a plan can be made for it. A covariance of NaN means that the tracker has none."""
     return bool(np.all(np.isfinite(forecast.mean)) and not np.any(np.isinf(forecast.covariance)))
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import casadi as ca
 import numpy as np
 
 from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.ocp.follower import BANDWIDTH, Follower, samples
 from gbt_ocp.ocp.plan import Plan
+from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory
+from gbt_ocp.simulation.plant import Motion, Plant
 from gbt_ocp.typing import Array
 
 GRID = 101
@@ -19,53 +21,104 @@ GRID = 101
 ROUND_OFF = 1.0e-9
 """Excess of a thrust over its limit, relative to it, that is none."""
 
+ON_PLAN = 1.0e-6
+"""Distance from a plan (m, rad, and per second) that is none."""
+
 
 @dataclass(frozen=True)
 class Move:
-    """What the vehicle did over one period; ``clipped`` if a plan asked for more thrust than there is."""
+    """What the vehicle did over one period.
+
+    Attributes
+    ----------
+    flat
+        Derivatives of the flat output at its end ``(L, n)``; those above the velocity are the plan's.
+    state
+        State of the forward dynamics at its end.
+    thrust
+        Inputs asked for at its beginning, within the limits ``(m,)``.
+    thrust_peak
+        Largest of them over the period, over the limits ``(m,)``.
+    clipped
+        Whether a plan asked for more thrust than there is.
+    off_plan
+        Distance in m from the planned position at its end; NaN without a plan.
+    """
 
     flat: Array
     state: Array
     thrust: Array
     thrust_peak: Array
     clipped: bool = False
+    off_plan: float = field(default=float("nan"))
 
 
 class Mover:
-    """Moves the vehicle over one period, under a plan or under constant inputs."""
+    """Moves the vehicle over one period after another, each time from where it is.
 
-    def __init__(self, vehicle: Vehicle, period: float, follow: Literal["exact", "dynamics"]) -> None:
+    Parameters
+    ----------
+    vehicle
+        The model with which is planned.
+    period
+        In seconds.
+    follow
+        ``exact``, ``dynamics`` or ``feedback``; see :class:`~gbt_ocp.simulation.loop.ClosedLoop`.
+    plant
+        What moves; by default the model itself.
+    bandwidth
+        Of the follower in rad/s, with ``feedback``.
+
+    Raises
+    ------
+    ValueError
+        If a plant is to follow exactly.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        period: float,
+        follow: Literal["exact", "dynamics", "feedback"],
+        plant: Plant | None = None,
+        bandwidth: float = BANDWIDTH,
+    ) -> None:
+        if follow == "exact" and plant is not None:
+            raise ValueError("vehicle.follow: found exact beside a plant; allowed: dynamics, feedback")
         self._vehicle = vehicle
         self._period = period
-        self._exact = follow == "exact"
+        self._follow = follow
+        self._motion = Motion(Plant(vehicle) if plant is None else plant)
+        self._follower = Follower(vehicle, bandwidth)
         n = vehicle.flat_dimension
         point = [ca.SX.sym(name, n) for name in ("z", "dz", "ddz")]
         self._thrust_at = ca.Function("thrust", point, [vehicle.inputs(*point)])
         self._thrust = self._thrust_at.map(GRID)
 
-    def follow(self, plan: Plan) -> Move:
+    def follow(self, state: Array, plan: Plan) -> Move:
         """Execute a plan for one period, from what has elapsed of it."""
+        piece = plan.trajectory.segment(plan.elapsed, self._period)
         limit = self._vehicle.thrust_max
-        first = plan.trajectory.segment(plan.elapsed, self._period)
-        thrust = np.asarray(self._thrust(*(values[0].T for values in first.sample(GRID)))).T
+        thrust = np.asarray(self._thrust(*(values[0].T for values in piece.sample(GRID)))).T
         peak = np.max(np.abs(thrust), axis=0) / limit
-        flat = first.knots[1]
         clipped = bool(peak.max() > 1.0 + ROUND_OFF)
-        if self._exact and not clipped:
-            return Move(flat, self._vehicle.state(flat[0], flat[1]), thrust[0], peak)
+        if self._follow == "feedback":
+            return self._led_back(state, piece, clipped)
+        if self._follow == "exact" and not clipped and self._is_on(state, piece):
+            end = piece.knots[1]
+            return Move(end, self._vehicle.state(end[0], end[1]), thrust[0], peak, off_plan=0.0)
 
         def applied(s: float) -> Array:
-            wanted = np.asarray(self._thrust_at(*(first(s, order) for order in range(3)))).ravel()
-            return np.clip(wanted, -limit, limit)
+            wanted = np.asarray(self._thrust_at(*_point(piece, s))).ravel()
+            return np.asarray(np.clip(wanted, -limit, limit))
 
-        state = self._integrate(self._vehicle.state(*first.start[:2]), applied)
-        z, dz = self._vehicle.flat(state)
+        reached = self._motion.advance(state, applied, self._period)
         held = np.clip(thrust[0], -limit, limit)
-        return Move(np.vstack([z, dz, flat[2:]]), state, held, np.minimum(peak, 1.0), clipped)
+        return self._moved(reached, piece, held, np.minimum(peak, 1.0), clipped)
 
     def hold(self, state: Array, thrust: Array) -> Move:
         """Integrate the forward dynamics under constant inputs."""
-        end = self._integrate(state, lambda s: thrust)
+        end = self._motion.advance(state, lambda s: thrust, self._period)
         z, dz = self._vehicle.flat(end)
         return Move(np.vstack([z, dz]), end, thrust, np.abs(thrust) / self._vehicle.thrust_max)
 
@@ -76,10 +129,30 @@ class Mover:
         none = np.full(self._vehicle.thrust_max.shape, np.nan)
         return Move(np.vstack([z, 0.0 * z]), self._vehicle.state(z, 0.0 * z), none, none)
 
-    def _integrate(self, state: Array, thrust: Callable[[float], Array]) -> Array:
-        from scipy.integrate import solve_ivp  # takes half a second to import, which other ways do not need
+    def _is_on(self, state: Array, piece: FlatTrajectory) -> bool:
+        """Whether the vehicle is where the piece begins: after a clipped piece it is not."""
+        return bool(np.abs(np.vstack(self._vehicle.flat(state)) - piece.start[:2]).max() <= ON_PLAN)
 
-        found = solve_ivp(
-            lambda s, x: self._vehicle.rates(x, thrust(s)), (0.0, self._period), state, rtol=1e-8, atol=1e-10
-        )
-        return np.asarray(found.y[:, -1])
+    def _led_back(self, state: Array, piece: FlatTrajectory, clipped: bool) -> Move:
+        """Follow a piece with feedback, whose thrust is held between its samples."""
+        count = samples(self._period)
+        step = self._period / count
+        asked: list[Array] = []
+        for number in range(count):
+            now, middle = _point(piece, number * step), _point(piece, (number + 0.5) * step)
+            asked.append(self._follower.thrust(now, middle, *self._vehicle.flat(state)))
+            state = self._motion.advance(state, lambda s, held=asked[-1]: held, step)  # type: ignore[misc]
+        peak = np.max(np.abs(asked), axis=0) / self._vehicle.thrust_max
+        return self._moved(state, piece, asked[0], peak, clipped)
+
+    def _moved(self, state: Array, piece: FlatTrajectory, thrust: Array, peak: Array, clipped: bool) -> Move:
+        z, dz = self._vehicle.flat(state)
+        planned = piece.knots[1]
+        d = self._vehicle.position_dimension
+        off = float(np.linalg.norm(z[:d] - planned[0, :d]))
+        return Move(np.vstack([z, dz, planned[2:]]), state, thrust, peak, clipped, off)
+
+
+def _point(piece: FlatTrajectory, s: float) -> FlatPoint:
+    """z, ż, z̈ after ``s`` seconds of a trajectory of one piece."""
+    return FlatPoint(*(piece(s, order) for order in range(3)))

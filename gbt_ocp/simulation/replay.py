@@ -1,4 +1,4 @@
-"""A recorded log, and what a tracker makes of it."""
+"""A recorded log, and the track that a tracker makes of it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gbt_ocp.typing import Array
 
 @dataclass(frozen=True)
 class ReplayedTrack:
-    """What one tracker made of a log, at the time of each of its K bearings.
+    """The track that one tracker made of a log, at the times of its K bearings.
 
     Attributes
     ----------
@@ -95,12 +95,18 @@ class BearingLog:
         ``(K, d)``, unit vectors.
     truth
         The target's positions ``(K, d)`` in metres, NaN where they are not known; ``None`` if the log has none.
+    own_rows
+        Rows of the log that hold an own position and no bearing.
+    warnings
+        Lines about what is suspicious in the log.
     """
 
     times: Array
     own: Array
     bearings: Array
     truth: Array | None
+    own_rows: int = 0
+    warnings: tuple[str, ...] = ()
 
     @property
     def dimension(self) -> int:

@@ -15,7 +15,7 @@ from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.history import History
 from gbt_ocp.simulation.track_summary import track_numbers
 
-FALLBACKS = ("shifted", "cold", "relaxed", "braking")
+FALLBACKS = ("shifted", "cold", "unfinished", "braking")
 """The answers to a failed solve, in the order in which they are tried; a summary always counts all of them."""
 
 
@@ -32,7 +32,7 @@ def summarise(
     forecast_period: float | None = None,
     standoff: float | None = None,
 ) -> dict[str, Any]:
-    """Numbers of a run, as they stand in ``summary.json`` (the paper's tables 2 and 3, and what explains them).
+    """Numbers of a run for ``summary.json``: those of the paper's tables 2 and 3, and what explains them.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def summarise(
     solver_first_try
         Whether the first solve of each step succeeded, ``(K,)``; read only where a solver was asked.
     retries
-        Counts of what happened short of a fallback, for example nugget retries of the tracker.
+        Counts of events that needed no fallback, for example nugget retries of the tracker.
     versions
         See `installed_versions`.
     forecast_period
@@ -62,10 +62,11 @@ def summarise(
     A mapping of strict JSON values. ``None`` stands for what does not exist (no solver, a run that ends before the
     settling time) and for what is not finite. Errors are the mean over T_k per step: ``error_mean``, ``error_median``,
     ``error_rms`` are over all steps, ``error_settled`` and ``error_settled_max`` over t_k >= settling, ``error_final``
-    is the last step's. Distances are ‖P_A - P_T‖ at t_k. ``steps`` counts the sampling periods, K - 1. Similarities are
-    of desired and true bearing, over the second half of the run. ``range_observable_from_s`` is the time from which on
-    the range is known to a quarter until the end. ``steps_over_period`` counts the steps in which tracker and solver
-    together took longer than T. To these come the numbers of
+    is the last step's. Distances are ‖P_A - P_T‖ at t_k. ``off_plan_median`` and ``off_plan_max`` are over the periods
+    in which a plan was followed, at their ends, in m. ``steps`` counts the sampling periods, K - 1.
+    Similarities are of desired and true bearing, over the second half of the run. ``range_observable_from_s`` is the
+    time from which on the range is known to a quarter until the end. ``steps_over_period`` counts the steps in which
+    tracker and solver together took longer than T. To these come the numbers of
     :func:`gbt_ocp.simulation.track_summary.track_numbers`, as far as they are defined.
 
     Raises
@@ -89,6 +90,7 @@ def summarise(
     executed = history.piece_thrust_peak
     if len(executed) > 1 and np.isnan(executed[-1]).all():  # no piece is executed from the last sample
         executed = executed[:-1]
+    followed = history.off_plan[np.isfinite(history.off_plan)]
     step_time = history.tracker_time + np.where(planned, history.solver_time, 0.0)
     answers = Counter(str(word) for word in history.fallback if word)
 
@@ -108,6 +110,8 @@ def summarise(
         "range_std_over_range_final": history.range_std_over_range[-1],
         "range_observable_from_s": _of(np.min, t[_for_good(history.range_observable)]),
         "violation_max": np.maximum(0.0, executed.max() - 1.0) if executed.size else None,
+        "off_plan_median": _of(np.median, followed),
+        "off_plan_max": _of(np.max, followed),
         "objective_mean": _of(np.mean, history.objective[planned]),
         "solver_success_rate": _of(np.mean, first_try[planned]),
         "solver_iterations_mean": _of(np.mean, history.solver_iterations[planned]),
@@ -134,17 +138,17 @@ def installed_versions() -> dict[str, str]:
     for package in ("gbt_ocp", "casadi", "numpy", "scipy"):
         try:
             versions[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:  # run from a checkout that was never installed
+        except importlib.metadata.PackageNotFoundError:  # a checkout that is not installed
             versions[package] = "not installed"
     versions["platform"] = platform.platform()
     return versions
 
 
 def _for_good(holds: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Where something holds from there on to the end, ``(K,)``."""
+    """The steps from which on something holds until the end, ``(K,)``."""
     return np.asarray(np.logical_and.accumulate(holds[::-1])[::-1])
 
 
 def _of(statistic: Any, values: NDArray[Any]) -> Any:
-    """Statistic of the values, None when there are none."""
+    """Statistic of the values, None without values."""
     return statistic(values) if values.size else None

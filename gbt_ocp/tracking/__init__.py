@@ -11,7 +11,7 @@ from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.gp.lmc import CoregionalizedTracker
 from gbt_ocp.tracking.mixture import MixtureTracker
 from gbt_ocp.tracking.noise import BearingNoise
-from gbt_ocp.tracking.priors import LogNormal, PositionPrior
+from gbt_ocp.tracking.priors import LogNormal, PositionPrior, RangedPrior
 from gbt_ocp.tracking.protocol import (
     Forecast,
     GaussianProcess,
@@ -45,6 +45,7 @@ __all__ = [
     "PositionPrior",
     "PositionTracker",
     "PseudoLinearKalmanFilter",
+    "RangedPrior",
     "ShapePrior",
     "Tracker",
 ]

@@ -1,9 +1,9 @@
-"""Where an estimator begins: what is known of the target's position when the first bearing is taken."""
+"""What is known of the target before the first bearing: its position, and positive quantities such as its range."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,31 +14,29 @@ from gbt_ocp.typing import Array
 
 @dataclass(frozen=True)
 class PositionPrior:
-    """The position before the first bearing, known or unknown.
+    """The position when the first bearing is taken, known or unknown.
 
     Parameters
     ----------
     start
-        The vehicle's first position ``(d,)``, where the target is said to be before anything is seen or known.
-    range
-        Range in metres at which the first bearing puts the target if nothing is known.
+        The vehicle's first position ``(d,)``. It stands for the target's until a bearing is taken, if nothing is known.
     mean, covariance
         What is known: ``(d,)`` in metres and ``(d, d)`` in m², or ``None`` twice.
 
     Raises
     ------
     ValueError
-        If the range is not positive, or the covariance is missing or not positive definite.
+        If one of mean and covariance is missing, or the covariance is not positive definite.
     """
 
     start: Array
-    range: float
     mean: Array | None = None
     covariance: Array | None = None
 
     def __post_init__(self) -> None:
-        if not self.range > 0.0:
-            raise ValueError(f"range: found {self.range}; allowed: a number > 0")
+        for name in ("start", "mean", "covariance"):
+            value = getattr(self, name)
+            object.__setattr__(self, name, None if value is None else np.array(value, dtype=float))
         if (self.mean is None) != (self.covariance is None):
             raise ValueError("a prior has both a mean and a covariance, or neither")
         if self.covariance is not None and not np.all(np.linalg.eigvalsh(self.covariance) > 0.0):
@@ -46,31 +44,60 @@ class PositionPrior:
 
     @property
     def unseen(self) -> Array:
-        """Where the target is said to be before the first bearing ``(d,)``."""
+        """Where an estimator puts the target before the first bearing ``(d,)``."""
         return self.start if self.mean is None else self.mean
+
+    @property
+    def known(self) -> tuple[Array, Array] | None:
+        """Mean ``(d,)`` and covariance ``(d, d)``, or ``None``."""
+        return None if self.mean is None or self.covariance is None else (self.mean, self.covariance)
+
+
+@dataclass(frozen=True)
+class RangedPrior(PositionPrior):
+    """A prior position with a range for the first bearing: where a filter begins.
+
+    Parameters
+    ----------
+    range
+        Range in metres at which the first bearing puts the target if its position is not known.
+
+    Raises
+    ------
+    ValueError
+        If the range is not positive.
+    """
+
+    range: float = field(kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.range > 0.0:
+            raise ValueError(f"range: found {self.range}; allowed: a number > 0")
 
     def seen(self, bearing: Array, own: Array) -> Array:
         """The position on the first bearing ``(d,)``.
 
         The mean of the prior given that the target lies on the line of the bearing, or the point at :attr:`range`.
         """
-        if self.mean is None or self.covariance is None:
+        if self.known is None:
             return np.asarray(own + self.range * bearing)
+        mean, covariance = self.known
         basis = tangent_basis(bearing)
-        across = self.covariance @ basis
-        return np.asarray(self.mean + across @ np.linalg.solve(basis.T @ across, basis.T @ (own - self.mean)))
+        across = covariance @ basis
+        return np.asarray(mean + across @ np.linalg.solve(basis.T @ across, basis.T @ (own - mean)))
 
     def gaussian(self, bearing: Array, own: Array, variance: float) -> tuple[Array, Array]:
         """Mean ``(d,)`` and covariance ``(d, d)`` with which a filter begins, before it takes in the first bearing.
 
         The prior itself, or the point at :attr:`range` on the bearing with ``variance`` (m²) on each axis.
         """
-        if self.mean is None or self.covariance is None:
+        if self.known is None:
             return np.asarray(own + self.range * bearing), variance * np.eye(len(own))
-        return self.mean, self.covariance
+        return self.known
 
     def forecast(self, count: int) -> Forecast:
-        """What a baseline says before the first bearing at ``count`` times: :attr:`unseen`, without a covariance."""
+        """What a filter predicts before the first bearing at ``count`` times: :attr:`unseen`, without a covariance."""
         d = len(self.unseen)
         return Forecast(np.tile(self.unseen, (count, 1)), np.full((count, d, d), np.nan))
 

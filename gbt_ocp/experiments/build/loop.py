@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 
 from gbt_ocp.experiments.build.desired import build_desired_bearing
 from gbt_ocp.experiments.build.limits import with_limits
 from gbt_ocp.experiments.build.objective import build_joint, build_objective, build_past
+from gbt_ocp.experiments.build.plant import build_plant
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.guidance import (
     CircumnavigationGuidance,
@@ -33,14 +33,17 @@ from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.guidance.startup import CrossFirst
 from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.contracts import ContractError, made, named
 from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenParameters
 from gbt_ocp.models.fossen import FossenVehicle as Fossen
+from gbt_ocp.models.model_checks import check_target, check_vehicle
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target, case_target
 from gbt_ocp.models.targets import TrackTarget as RecordedTarget
 from gbt_ocp.models.turning import TurningTarget as RandomTurns
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp import Planner, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.follower import BANDWIDTH
 from gbt_ocp.ocp.problem_data import joined_derivatives
 from gbt_ocp.simulation.loop import ClosedLoop
 from gbt_ocp.tracking.protocol import PositionTracker, Tracker
@@ -55,15 +58,22 @@ class Streams:
     sensor: np.random.Generator
     guidance: np.random.Generator
     target: np.random.Generator
+    plant: np.random.Generator
 
     @classmethod
     def of(cls, seed: int) -> Streams:
         """The streams of a seed."""
-        return cls(*(np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(4)))
+        return cls(*(np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(5)))
 
 
 def build_target(configuration: Configuration, rng: np.random.Generator | None = None) -> Target:
-    """The target's motion; ``rng`` for one that is drawn, by default that of the configuration's seed."""
+    """The target's motion; ``rng`` for one that is drawn, by default that of the configuration's seed.
+
+    Raises
+    ------
+    ValueError
+        If the problem's own target lacks something, or its motion cannot be drawn or read.
+    """
     section = configuration.target
     if isinstance(section, TurningTarget):
         return RandomTurns(
@@ -88,18 +98,32 @@ def build_target(configuration: Configuration, rng: np.random.Generator | None =
         )
     if section.kind == "problem":
         factory = configuration.problem_object.target
-        return cast(Target, factory())  # type: ignore[operator]  # checked when the configuration was read
+        assert callable(factory), "checked when the configuration was read"
+        target: Target = made("target", factory)
+        check_target(target, configuration.dimension)
+        return target
     step = getattr(section, "turn_rate_step", 0.0)
     return case_target(int(section.kind[-1]), turn_rate_step=step, every_s=getattr(section, "every_s", 10.0))
 
 
 def build_vehicle(configuration: Configuration) -> Vehicle:
-    """The vehicle."""
+    """The vehicle.
+
+    Raises
+    ------
+    ValueError
+        If the problem's own vehicle lacks something or moves in another number of dimensions.
+    """
     section = configuration.vehicle
     if not isinstance(section, FossenVehicle):
         factory = configuration.problem_object.vehicle
         assert factory is not None, "checked when the configuration was read"
-        return cast(Vehicle, factory())
+        vehicle: Vehicle = made("vehicle", factory)
+        check_vehicle(vehicle)
+        if vehicle.position_dimension != configuration.dimension:
+            found = f"{named(vehicle, 'position_dimension')}: found {vehicle.position_dimension}"
+            raise ContractError(f"{found}; allowed: {configuration.dimension}, the problem's")
+        return vehicle
     given = section.parameters
     if isinstance(given, VehicleParameters):
         parameters = FossenParameters(
@@ -115,9 +139,9 @@ def paced(configuration: Configuration, desired: DesiredBearing, vehicle: Vehicl
     speed = configuration.desired_bearing.speed_mps
     if speed == "sensor":
         speed = steady_speed(vehicle) if configuration.sensor.noise_deg > 0.0 else None
-    # a turn that begins anew at the line of sight in each plan needs no slowing down
-    anew = configuration.desired_bearing.phase == "measured"
-    if speed is None or anew or configuration.guidance.kind != "planner":
+    # a turn that each plan begins at the line of sight needs no slowing down
+    measured = configuration.desired_bearing.phase == "measured"
+    if speed is None or measured or configuration.guidance.kind != "planner":
         return desired
     return PacedBearing(desired, speed)
 
@@ -152,7 +176,7 @@ def build_problem(configuration: Configuration, vehicle: Vehicle) -> TrajectoryP
     more = configuration.problem_object.constrain
     if more is None:
         return problem
-    constrained = more(problem)
+    constrained = made("constrain", more, problem)
     if not isinstance(constrained, TrajectoryProblem):
         raise ValueError(f"constrain: found a {type(constrained).__name__} returned; allowed: a TrajectoryProblem")
     return constrained
@@ -210,6 +234,7 @@ def build_guidance(
         past=build_past(configuration, objective),
         joint=build_joint(configuration, objective, tracker),
     )
+    planned.rehearse()
     if section.startup_deviation == 0.0:
         return planned
     return CrossFirst(
@@ -245,32 +270,18 @@ def build_start(configuration: Configuration, vehicle: Vehicle, rng: np.random.G
     return flat
 
 
-def _check_own(configuration: Configuration, target: Target, vehicle: Vehicle) -> None:
-    """Refuse a problem's own target or vehicle that does not fit the problem, before it fails far from its cause."""
-    wanted = configuration.dimension
-    found = np.shape(target.position(np.zeros(2)))
-    if found != (2, wanted):
-        raise ValueError(f"target: position of 2 times has shape {found}; allowed: {(2, wanted)}, (K, d)")
-    if target.dimension != wanted:
-        raise ValueError(f"target: found dimension {target.dimension}; allowed: {wanted}, the problem's")
-    if vehicle.position_dimension != wanted:
-        raise ValueError(
-            f"vehicle: found position_dimension {vehicle.position_dimension}; allowed: {wanted}, the problem's"
-        )
-
-
 def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
     """The closed loop of a configuration, and where the vehicle starts ``(L, n)``."""
     streams = Streams.of(configuration.seed)
     vehicle = build_vehicle(configuration)
     target = build_target(configuration, streams.target)
-    _check_own(configuration, target, vehicle)
     desired = paced(configuration, build_desired_bearing(configuration, vehicle), vehicle)
     start = build_start(configuration, vehicle, streams.start, target.position(0.0))
-    tracker = build_tracker(configuration, start[0, : configuration.dimension])
+    sensor = build_sensor(configuration)
+    tracker = build_tracker(configuration.tracker, start[0, : configuration.dimension], sensor)
     loop = ClosedLoop(
         target=target,
-        sensor=build_sensor(configuration),
+        sensor=sensor,
         tracker=tracker,
         guidance=build_guidance(configuration, vehicle, desired, streams.guidance, tracker),
         vehicle=vehicle,
@@ -281,5 +292,7 @@ def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
         follow=configuration.vehicle.follow,
         bound_delta=getattr(configuration.tracker, "bound_delta", math.nan),
         rng=streams.sensor,
+        plant=build_plant(configuration, vehicle, streams.plant),
+        follow_bandwidth=configuration.vehicle.follow_bandwidth or BANDWIDTH,
     )
     return loop, start

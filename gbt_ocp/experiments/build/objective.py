@@ -11,6 +11,7 @@ from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.guidance.information import Criterion, FisherInformation, NearInformation, PosteriorVariance
 from gbt_ocp.guidance.objectives import BearingSimilarity
 from gbt_ocp.guidance.past import PastBearings
+from gbt_ocp.models.contracts import made
 from gbt_ocp.ocp import JointObjective, Objective
 from gbt_ocp.tracking.protocol import JointForecast, JointlyGaussian, PositionTracker, Tracker
 
@@ -20,7 +21,7 @@ def build_objective(configuration: Configuration) -> Objective | JointObjective:
     section, d = configuration.planner, configuration.dimension
     own = configuration.problem_object.objective
     if own is not None:
-        return cast(Objective, own())
+        return cast(Objective, made("objective", own))
     if section.objective == "similarity":
         return BearingSimilarity(d, section.kappa, section.similarity == "axial")
     if section.objective == "fisher_trace":

@@ -1,4 +1,4 @@
-"""From the section ``tracker`` to an estimator."""
+"""The kinds of trackers, and from their sections to estimators."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
+from gbt_ocp.experiments.build.tracker_kinds import TrackerKind
 from gbt_ocp.experiments.config import tracker as sections
 from gbt_ocp.experiments.config.noise import Noise, NoisyBearings
-from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.tracking.displacement.hypotheses import MotionPriors
 from gbt_ocp.tracking.displacement.tracker import NoisyGaussianProcessTracker
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess, ImmExtendedTracker
@@ -20,136 +21,75 @@ from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.gp.lmc import CoregionalizedTracker
 from gbt_ocp.tracking.mixture import MixtureTracker, velocity_scale
 from gbt_ocp.tracking.noise import BearingNoise
-from gbt_ocp.tracking.priors import LogNormal, PositionPrior
+from gbt_ocp.tracking.priors import LogNormal, PositionPrior, RangedPrior
 from gbt_ocp.tracking.protocol import PositionTracker, Tracker
 from gbt_ocp.tracking.shape.processes import ShapePrior
 from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
 from gbt_ocp.typing import Array
 
 
-def build_tracker(configuration: Configuration, start: Array) -> Tracker | PositionTracker:
-    """The tracker; ``start`` is the vehicle's first position ``(d,)``."""
-    section, dimension = configuration.tracker, configuration.dimension
-    position, covariance = prior_of(section, dimension)
-    if isinstance(section, sections.BaselineTracker):
-        prior = PositionPrior(start, section.initial_range_m, position, covariance)
-        return _baseline(section, prior, configuration.sensor.period_s)
-    if isinstance(section, sections.CoregionalizedTracker):
-        return CoregionalizedTracker(
-            dimension,
-            window=section.window,
-            kernels=section.kernels,
-            centre=section.centre,
-            length_scale=None if section.length_scale == "tuned" else section.length_scale,
-            nugget=None if section.nugget == "tuned" else section.nugget,
-            prior_position=position,
-            prior_covariance=covariance,
-            start=start,
-        )
-    if isinstance(section, sections.MixtureTracker):
-        return _mixture(section, dimension, start, position, covariance)
-    if isinstance(section, sections.ShapeTracker):
-        return _motion(section, dimension, start, position, covariance)
-    noise = noise_of(section, configuration.sensor.noise_deg)
+def build_tracker(section: sections.TrackerSection, start: Array, sensor: BearingSensor) -> Tracker | PositionTracker:
+    """The tracker of a section.
+
+    Parameters
+    ----------
+    section
+        Of a kind in :data:`TRACKERS`.
+    start
+        The vehicle's first position ``(d,)`` in metres.
+    sensor
+        Its period and noise count.
+    """
+    return TRACKERS[section.kind].build(section, position_prior(section, start), sensor)
+
+
+def position_prior(section: sections.TrackerSection, start: Array) -> PositionPrior:
+    """What the key ``prior`` says of the target, and the vehicle's first position ``(d,)``."""
+    prior = section.prior
+    if prior is None:
+        return PositionPrior(start)
+    covariance = prior.covariance if prior.std is None else prior.std**2 * np.eye(len(start))
+    return PositionPrior(start, np.array(prior.position), np.array(covariance))
+
+
+# ---- Gaussian processes on the position -----------------------------------------------------------------------------
+
+
+def _tuned(value: object) -> float | None:
+    """A value to keep, or ``None`` for one that is tuned."""
+    return value if isinstance(value, float) else None
+
+
+def _gaussian_process(
+    section: sections.GaussianProcessSection, prior: PositionPrior, sensor: BearingSensor
+) -> GaussianProcessTracker | NoisyGaussianProcessTracker:
+    noise = noise_of(section, sensor)
     if noise is not None:
-        return _noisy(noise, configuration, position, covariance, start)
+        return _noisy(noise, prior, sensor)
     return GaussianProcessTracker(
-        dimension,
+        len(prior.start),
         window=section.window,
         kernel=section.kernel,
         centre=section.centre,
-        length_scale=None if section.length_scale == "tuned" else section.length_scale,
-        amplitude=None if section.amplitude == "tuned" else section.amplitude,
-        nugget=None if section.nugget == "tuned" else section.nugget,
-        prior_position=position,
-        prior_covariance=covariance,
-        start=start,
-    )
-
-
-def _motion(
-    section: sections.ShapeTracker, dimension: int, start: Array, position: Array | None, covariance: Array | None
-) -> MotionShapeTracker:
-    """The Gaussian process on the shape of the motion."""
-    prior = ShapePrior(
-        speed=LogNormal(section.speed.median, section.speed.log_std),
-        range=LogNormal(section.range.median_m, section.range.log_std),
-        kernel=section.turn_kernel,
-        turn_stds=section.turn_rate_std,
-        turn_times=section.turn_time_s,
-        speed_stds=section.speed_change_std,
-        speed_time=section.speed_time_s,
-    )
-    return MotionShapeTracker(
-        dimension,
-        noise=_noise(section.noise),
+        length_scale=_tuned(section.length_scale),
+        amplitude=_tuned(section.amplitude),
+        nugget=_tuned(section.nugget),
         prior=prior,
-        bin_width=section.bin_s,
-        window=section.window_s,
-        update=section.update_s,
-        starts=section.starts_m,
-        hypotheses=section.hypotheses,
-        memory=math.inf if section.memory is None else section.memory,
-        gate=math.inf if section.gate is None else section.gate,
-        known_position=position,
-        known_covariance=covariance,
-        start=start,
     )
 
 
-def _mixture(
-    section: sections.MixtureTracker, dimension: int, start: Array, position: Array | None, covariance: Array | None
-) -> MixtureTracker:
-    """Both Gaussian processes, told the same of sensor, speed and range."""
-    motion, noise = _motion(section, dimension, start, position, covariance), _noise(section.noise)
-    velocity = NoisyGaussianProcessTracker(
-        dimension,
-        noise=noise,
-        bins=motion.bins,
-        kernel="velocity_matern32",
-        priors=MotionPriors(
-            velocity_scale(LogNormal(section.speed.median, section.speed.log_std), dimension),
-            LogNormal(section.velocity_time_s, math.log(2.0)),
-            LogNormal(section.range.median_m, section.range.log_std),
-            2.0 * section.range.median_m,
-        ),
-        prior_position=position,
-        prior_covariance=covariance,
-        start=start,
-    )
-    return MixtureTracker(motion, velocity, noise)
-
-
-def _noise(section: Noise, std_deg: float | None = None) -> BearingNoise:
-    return BearingNoise(
-        math.radians(section.std_deg if std_deg is None else std_deg),
-        math.radians(section.correlated_deg),
-        section.correlation_s,
-        section.own_std_m,
-        section.estimated,
-    )
-
-
-def noise_of(section: sections.TrackerSection, sensor_deg: float) -> NoisyBearings | None:
+def noise_of(section: sections.GaussianProcessSection, sensor: BearingSensor) -> NoisyBearings | None:
     """How the tracker treats noise; ``None`` if it takes bearings for exact."""
-    noise = section.noise if isinstance(section, sections.GaussianProcessTracker) else None
-    if noise == "sensor":
-        return NoisyBearings() if sensor_deg > 0.0 else None
-    return noise
+    if section.noise == "sensor":
+        return NoisyBearings() if sensor.noise > 0.0 else None
+    return section.noise
 
 
-def _noisy(
-    section: NoisyBearings,
-    configuration: Configuration,
-    position: Array | None,
-    covariance: Array | None,
-    start: Array,
-) -> NoisyGaussianProcessTracker:
+def _noisy(section: NoisyBearings, prior: PositionPrior, sensor: BearingSensor) -> NoisyGaussianProcessTracker:
     """The Gaussian process for noisy bearings."""
-    std = configuration.sensor.noise_deg if section.std_deg is None else section.std_deg
     return NoisyGaussianProcessTracker(
-        configuration.dimension,
-        noise=_noise(section, std),
+        len(prior.start),
+        noise=_noise(section, sensor.noise if section.std_deg is None else math.radians(section.std_deg)),
         window=section.window if section.bin_s is None else section.window_s,
         bin_width=section.bin_s,
         kernel=section.kernel,
@@ -162,48 +102,169 @@ def _noisy(
         hyperparameters=section.hyperparameters,
         tails=section.tails,
         linearisations=section.linearisations,
-        prior_position=position,
-        prior_covariance=covariance,
-        start=start,
+        prior=prior,
     )
 
 
-def _baseline(section: sections.BaselineTracker, prior: PositionPrior, period: float) -> Tracker | PositionTracker:
-    """The methods that the paper compares with."""
-    if isinstance(section, sections.OrthogonalityStaticTracker):
-        return OrthogonalityTracker(prior, position_gain=section.position_gain)
-    if isinstance(section, sections.OrthogonalityVelocityTracker):
-        return OrthogonalityTracker(prior, position_gain=section.position_gain, velocity_gain=section.velocity_gain)
-    if isinstance(section, sections.PolynomialTracker):
-        span = (section.window - 1) * period
-        return PolynomialRegression(prior, window=section.window, span=span, order=section.order, ridge=section.ridge)
-    if isinstance(section, sections.PseudoLinearKalmanTracker):
-        return PseudoLinearKalmanFilter(
-            prior,
-            initial_variance=section.initial_variance,
-            process_noise=section.process_noise,
-            bearing_std=math.radians(section.bearing_std_deg),
-            bias_compensated=section.bias_compensated,
-        )
-    if isinstance(section, sections.InteractingPseudoLinearTracker):
-        return ImmPseudoLinearTracker(
-            prior,
-            _models(section),
-            bearing_std=math.radians(section.bearing_std_deg),
-            initial_variance=section.initial_variance,
-        )
-    if isinstance(section, sections.FirstGuess):
-        guess = FirstGuess(prior, section.initial_range_std_m, section.initial_speed_std)
-        deviation = math.radians(section.bearing_std_deg)
-        if isinstance(section, sections.InteractingExtendedTracker):
-            return ImmExtendedTracker(guess, _models(section), bearing_std=deviation)
-        return ExtendedKalmanFilter(guess, process_noise=section.process_noise, bearing_std=deviation)
-    assert isinstance(section, sections.InteractingPositionTracker), "all kinds are built above"
-    return ImmPositionTracker(prior, _models(section), position_std=section.position_std_m)
+def _noise(section: Noise, deviation: float) -> BearingNoise:
+    """Noise with a white part of a deviation in radians."""
+    return BearingNoise(
+        deviation,
+        math.radians(section.correlated_deg),
+        section.correlation_s,
+        section.own_std_m,
+        section.estimated,
+    )
+
+
+def _coregionalized(
+    section: sections.CoregionalizedSection, prior: PositionPrior, sensor: BearingSensor
+) -> CoregionalizedTracker:
+    return CoregionalizedTracker(
+        len(prior.start),
+        window=section.window,
+        kernels=section.kernels,
+        centre=section.centre,
+        length_scale=_tuned(section.length_scale),
+        nugget=_tuned(section.nugget),
+        prior=prior,
+    )
+
+
+# ---- Gaussian processes on the motion -------------------------------------------------------------------------------
+
+
+def _motion(section: sections.ShapeSection, prior: PositionPrior, sensor: BearingSensor) -> MotionShapeTracker:
+    shape = ShapePrior(
+        speed=LogNormal(section.speed.median, section.speed.log_std),
+        range=LogNormal(section.range.median_m, section.range.log_std),
+        kernel=section.turn_kernel,
+        turn_stds=section.turn_rate_std,
+        turn_times=section.turn_time_s,
+        speed_stds=section.speed_change_std,
+        speed_time=section.speed_time_s,
+    )
+    return MotionShapeTracker(
+        len(prior.start),
+        noise=_noise(section.noise, math.radians(section.noise.std_deg)),
+        prior=shape,
+        bin_width=section.bin_s,
+        window=section.window_s,
+        update=section.update_s,
+        starts=section.starts_m,
+        hypotheses=section.hypotheses,
+        memory=math.inf if section.memory is None else section.memory,
+        gate=math.inf if section.gate is None else section.gate,
+        position=prior,
+    )
+
+
+def _mixture(section: sections.MixtureSection, prior: PositionPrior, sensor: BearingSensor) -> MixtureTracker:
+    """Both Gaussian processes, with the same sensor, speed and range."""
+    motion, noise = _motion(section, prior, sensor), _noise(section.noise, math.radians(section.noise.std_deg))
+    dimension = len(prior.start)
+    velocity = NoisyGaussianProcessTracker(
+        dimension,
+        noise=noise,
+        bins=motion.bins,
+        kernel="velocity_matern32",
+        priors=MotionPriors(
+            velocity_scale(LogNormal(section.speed.median, section.speed.log_std), dimension),
+            LogNormal(section.velocity_time_s, math.log(2.0)),
+            LogNormal(section.range.median_m, section.range.log_std),
+            2.0 * section.range.median_m,
+        ),
+        prior=prior,
+    )
+    return MixtureTracker(motion, velocity, noise)
+
+
+# ---- the methods that the paper compares with, and their successors -------------------------------------------------
+
+
+def _ranged(section: sections.BaselineSection, prior: PositionPrior) -> RangedPrior:
+    return RangedPrior(prior.start, prior.mean, prior.covariance, range=section.initial_range_m)
+
+
+def _orthogonality_static(
+    section: sections.OrthogonalityStaticSection, prior: PositionPrior, sensor: BearingSensor
+) -> OrthogonalityTracker:
+    return OrthogonalityTracker(_ranged(section, prior), position_gain=section.position_gain)
+
+
+def _orthogonality_velocity(
+    section: sections.OrthogonalityVelocitySection, prior: PositionPrior, sensor: BearingSensor
+) -> OrthogonalityTracker:
+    return OrthogonalityTracker(
+        _ranged(section, prior), position_gain=section.position_gain, velocity_gain=section.velocity_gain
+    )
+
+
+def _polynomial(
+    section: sections.PolynomialSection, prior: PositionPrior, sensor: BearingSensor
+) -> PolynomialRegression:
+    return PolynomialRegression(
+        _ranged(section, prior),
+        window=section.window,
+        span=(section.window - 1) * sensor.period,
+        order=section.order,
+        ridge=section.ridge,
+    )
+
+
+def _pseudo_linear(
+    section: sections.PseudoLinearSection, prior: PositionPrior, sensor: BearingSensor
+) -> PseudoLinearKalmanFilter:
+    return PseudoLinearKalmanFilter(
+        _ranged(section, prior),
+        initial_variance=section.initial_variance,
+        process_noise=section.process_noise,
+        bearing_std=math.radians(section.bearing_std_deg),
+        bias_compensated=section.bias_compensated,
+    )
+
+
+def _imm_pseudo_linear(
+    section: sections.InteractingPseudoLinearSection, prior: PositionPrior, sensor: BearingSensor
+) -> ImmPseudoLinearTracker:
+    return ImmPseudoLinearTracker(
+        _ranged(section, prior),
+        _models(section),
+        bearing_std=math.radians(section.bearing_std_deg),
+        initial_variance=section.initial_variance,
+    )
+
+
+def _extended(
+    section: sections.ExtendedKalmanSection, prior: PositionPrior, sensor: BearingSensor
+) -> ExtendedKalmanFilter:
+    return ExtendedKalmanFilter(
+        _first_guess(section, prior),
+        process_noise=section.process_noise,
+        bearing_std=math.radians(section.bearing_std_deg),
+    )
+
+
+def _imm_extended(
+    section: sections.InteractingExtendedSection, prior: PositionPrior, sensor: BearingSensor
+) -> ImmExtendedTracker:
+    return ImmExtendedTracker(
+        _first_guess(section, prior), _models(section), bearing_std=math.radians(section.bearing_std_deg)
+    )
+
+
+def _imm_position(
+    section: sections.InteractingPositionSection, prior: PositionPrior, sensor: BearingSensor
+) -> ImmPositionTracker:
+    return ImmPositionTracker(_ranged(section, prior), _models(section), position_std=section.position_std_m)
+
+
+def _first_guess(section: sections.ExtendedSection, prior: PositionPrior) -> FirstGuess:
+    return FirstGuess(_ranged(section, prior), section.initial_range_std_m, section.initial_speed_std)
 
 
 def _models(
-    section: sections.InteractingModelsTracker | sections.InteractingExtendedTracker,
+    section: sections.InteractingModelsSection | sections.InteractingExtendedSection,
 ) -> InteractingMultipleModel:
     return InteractingMultipleModel(
         initial_variance=section.initial_variance,
@@ -214,11 +275,59 @@ def _models(
     )
 
 
-def prior_of(section: sections.TrackerSection, dimension: int) -> tuple[Array | None, Array | None]:
-    """Prior position ``(d,)`` in m and its covariance ``(d, d)`` in m², or ``None`` twice."""
-    prior = section.prior
-    if prior is None:
-        return None, None
-    if prior.std is not None:
-        return np.array(prior.position), prior.std**2 * np.eye(dimension)
-    return np.array(prior.position), np.array(prior.covariance)
+TRACKERS = {
+    kind.name: kind
+    for kind in (
+        TrackerKind(
+            sections.GaussianProcessSection,
+            _gaussian_process,
+            "Gaussian process on a window of pseudo-linear bearings (paper, section 3)",
+            sections.ProcessSection,
+        ),
+        TrackerKind(
+            sections.CoregionalizedSection,
+            _coregionalized,
+            "Gaussian process whose axes move together: linear model of coregionalization (section 3.3)",
+            sections.ProcessSection,
+        ),
+        TrackerKind(
+            sections.MotionSection,
+            _motion,
+            "Gaussian process on turn rate and log speed, for noisy bearings and unknown range",
+            sections.ShapeSection,
+        ),
+        TrackerKind(
+            sections.MixtureSection,
+            _mixture,
+            "motion_gp and a Gaussian process on the velocity, weighed by how well each predicted the bearings",
+            sections.ShapeSection,
+        ),
+        TrackerKind(
+            sections.OrthogonalityStaticSection,
+            _orthogonality_static,
+            "orthogonality-based estimator of a static target",
+        ),
+        TrackerKind(
+            sections.OrthogonalityVelocitySection,
+            _orthogonality_velocity,
+            "orthogonality-based estimator of a target with constant velocity",
+        ),
+        TrackerKind(sections.PseudoLinearSection, _pseudo_linear, "pseudo-linear Kalman filter"),
+        TrackerKind(
+            sections.InteractingPseudoLinearSection,
+            _imm_pseudo_linear,
+            "interacting multiple models with pseudo-linear updates",
+        ),
+        TrackerKind(sections.ExtendedKalmanSection, _extended, "extended Kalman filter, constant velocity"),
+        TrackerKind(
+            sections.InteractingExtendedSection, _imm_extended, "interacting multiple models with extended updates"
+        ),
+        TrackerKind(
+            sections.InteractingPositionSection,
+            _imm_position,
+            "interacting multiple models that see the target's full position",
+        ),
+        TrackerKind(sections.PolynomialSection, _polynomial, "polynomial regression on the window"),
+    )
+}
+"""Kinds of trackers by their names; :func:`~gbt_ocp.experiments.config.schema.register_tracker` adds one."""

@@ -1,1 +1,1 @@
-"""What a YAML file says, checked."""
+"""From a YAML file to a checked configuration."""

@@ -31,6 +31,21 @@ def is_section(field: FieldInfo) -> bool:
     return all(_is_model(branch) for branch, _ in _branches(field.annotation, ()))
 
 
+def holds_texts(field: FieldInfo) -> bool:
+    """Whether a key holds a text (of any kind, or one of several names), or a list of texts, and nothing else."""
+    return _are_texts(field.annotation)
+
+
+def _are_texts(annotation: Any) -> bool:
+    kinds = [branch for branch, _ in _branches(annotation, ()) if branch not in (None, NoneType)]
+    return all(
+        branch is str
+        or (get_origin(branch) is Literal and all(isinstance(one, str) for one in get_args(branch)))
+        or (get_origin(branch) is tuple and all(map(_are_texts, set(get_args(branch)) - {Ellipsis})))
+        for branch in kinds
+    )
+
+
 def with_sizes(text: str, sizes: Mapping[str, int]) -> str:
     """Put the sizes of the problem into what is allowed; without a problem, their symbols."""
     return text.replace("{d}", str(sizes.get("d", "d"))).replace("{n}", str(sizes.get("n", "d + 1")))
@@ -73,7 +88,7 @@ def _branches(annotation: Any, added: Iterable[Any]) -> Iterator[tuple[Any, list
         for argument in arguments:
             yield from _branches(argument, added)
     else:
-        # the bounds of ``Field(gt=0.0)`` stand in its own list
+        # the bounds of ``Field(gt=0.0)`` are in a list of the field
         yield (
             annotation,
             [one for entry in added for one in (entry.metadata if isinstance(entry, FieldInfo) else [entry])],

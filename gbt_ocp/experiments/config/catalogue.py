@@ -16,7 +16,7 @@ _PACKAGE = Path(__file__).resolve().parents[2]
 
 
 SCHEMA_LINE = "# yaml-language-server: $schema="
-"""How the first line of a configuration begins that tells an editor where the schema lies."""
+"""Beginning of the first line of a configuration, which names the schema to an editor."""
 
 
 class ProblemError(ValueError):
@@ -50,12 +50,12 @@ def config_names() -> list[str]:
 
 
 def config_path(name: str) -> Path | None:
-    """File of a shipped configuration, ``None`` if there is none of that name."""
+    """File of a shipped configuration, ``None`` if no configuration has that name."""
     return configs_folder() / f"{name}.yaml" if name in config_names() else None
 
 
 def config_description(name: str) -> str:
-    """First comment line of a shipped configuration, but for the one that names the schema to editors."""
+    """First comment line of a shipped configuration after the one that names the schema to editors."""
     lines = (configs_folder() / f"{name}.yaml").read_text(encoding="utf-8").splitlines()
     return next(line.removeprefix("#").strip() for line in lines if not line.startswith(SCHEMA_LINE))
 

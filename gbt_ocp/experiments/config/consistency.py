@@ -1,7 +1,7 @@
-"""What no single key shows: keys that contradict each other, the problem, or the files they name.
+"""Faults between keys: keys that contradict each other, the problem, or the files that they name.
 
-The checks read the merged mapping and not the checked models, so that they report beside the faults of single keys
-instead of after them; a value of the wrong type is left to the models.
+The checks read the merged mapping and not the checked models, so that their faults come together with those of
+single keys and not after them. A value of the wrong type is left to the models.
 """
 
 from __future__ import annotations
@@ -10,14 +10,18 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from pydantic import ValidationError
+
+from gbt_ocp.experiments.build.trackers import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.faults import NOTHING, Fault, shown, value_at
 from gbt_ocp.experiments.config.keys import Section
 from gbt_ocp.experiments.config.noise import NoisyBearings
 from gbt_ocp.experiments.config.planner import Planner
+from gbt_ocp.experiments.config.plant import Plant
 from gbt_ocp.experiments.config.schema import Configuration, kinds
 from gbt_ocp.experiments.config.sensor import Sensor
-from gbt_ocp.experiments.config.tracker import ShapeTracker, TrackerSection
+from gbt_ocp.experiments.config.tracker import GaussianProcessSection, ShapeSection, TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 
 _BINS = ("bin_s", "window_s")
@@ -40,6 +44,7 @@ def inconsistencies(merged: Mapping[str, Any], problem: TrackingProblem | None) 
     yield from _one_of(merged, ("desired_bearing",), "m", "period_s")
     if isinstance(value_at(merged, ("tracker", "prior")), Mapping):
         yield from _one_of(merged, ("tracker", "prior"), "std", "covariance")
+    yield from _plant(merged)
     if problem is not None:
         yield from _dimension(merged, problem)
         yield from _factories(merged, problem)
@@ -50,7 +55,7 @@ def _number(merged: Mapping[str, Any], path: tuple[str, ...], default: Any) -> f
     value = value_at(merged, path)
     value = default if value is NOTHING else value
     number = isinstance(value, int | float) and not isinstance(value, bool) and is_moderate(value)
-    return value if number else None  # sizes that are none are said elsewhere
+    return value if number else None  # extremes() reports the others
 
 
 def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
@@ -69,7 +74,7 @@ def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
     if ahead is not None and period is not None and min(ahead, period) > 0.0:
         share = (piece or period) / ahead
         if abs(share - round(share)) > 1e-6 or round(share) < 1:
-            allowed = f"null, or a whole part of a piece, planner.period_s = {piece or period:.6g}"
+            allowed = f"null, or a piece divided by a whole number, planner.period_s = {piece or period:.6g}"
             yield Fault(("tracker", "forecast_period_s"), shown(ahead), allowed)
     if piece is not None and period is not None and min(piece, period) > 0.0:
         steps = piece / period
@@ -107,15 +112,41 @@ def _one_of(merged: Mapping[str, Any], path: tuple[str, ...], first: str, second
 
 
 def _noise(merged: Mapping[str, Any]) -> Iterator[Fault]:
-    """What the tracker is told of noise beside what the sensor makes."""
-    path, kind = ("tracker", "noise"), value_at(merged, ("tracker", "kind"))
-    if kind in ("motion_gp", "mixture"):
-        yield from _bins(merged, ("tracker",), ShapeTracker, 4)
-    if not isinstance(value_at(merged, path), Mapping) or kind != "gp":
+    """The noise that the tracker expects, beside that of the sensor."""
+    path, kind = ("tracker", "noise"), TRACKERS.get(str(value_at(merged, ("tracker", "kind"))))
+    if kind is not None and issubclass(kind.section, ShapeSection):
+        yield from _bins(merged, ("tracker",), ShapeSection, 4)
+    if kind is None or not issubclass(kind.section, GaussianProcessSection):
+        return
+    if not isinstance(value_at(merged, path), Mapping):
         return
     if value_at(merged, (*path, "std_deg")) in (NOTHING, None) and not _number(merged, ("sensor", "noise_deg"), 0.0):
         yield Fault((*path, "std_deg"), "null", "a number > 0 where sensor.noise_deg is 0")
     yield from _bins(merged, path, NoisyBearings, 2)
+
+
+def without_effect(merged: Mapping[str, Any], beneath: Mapping[str, Any]) -> Iterator[Fault]:
+    """Keys of the tracker for exact bearings that are written where the one for noisy bearings takes its place.
+
+    Parameters
+    ----------
+    merged
+        All layers of the configuration.
+    beneath
+        The layers below what is written. What they say is no fault, nor is writing it out again.
+    """
+    kind, noise = TRACKERS.get(str(value_at(merged, ("tracker", "kind")))), value_at(merged, ("tracker", "noise"))
+    if kind is None or not issubclass(kind.section, GaussianProcessSection):
+        return
+    by_sensor = noise in (NOTHING, "sensor") and _number(merged, ("sensor", "noise_deg"), 0.0)
+    if not (isinstance(noise, Mapping) or by_sensor):
+        return
+    for name in ("kernel", "centre", "amplitude", "length_scale", "nugget", "bound_delta"):
+        path, default = ("tracker", name), GaussianProcessSection.model_fields[name].default
+        value, below = (value_at(layer, path) for layer in (merged, beneath))
+        if value not in (NOTHING, default, below):
+            why = "tracker.noise has keys of its own" if isinstance(noise, Mapping) else "sensor.noise_deg is above 0"
+            yield Fault(path, shown(value), f"only with tracker.noise: null, without effect here ({why})")
 
 
 def _bins(merged: Mapping[str, Any], path: tuple[str, ...], section: type[Section], least: int) -> Iterator[Fault]:
@@ -129,6 +160,30 @@ def _bins(merged: Mapping[str, Any], path: tuple[str, ...], section: type[Sectio
         yield Fault((*path, "window_s"), shown(window), f"at most {MOST_BINS} bins, {MOST_BINS * width:.6g} s")
 
 
+def _plant(merged: Mapping[str, Any]) -> Iterator[Fault]:
+    """A vehicle that differs from its model, beside ways to move that leave no room for it."""
+    vehicle, follow = value_at(merged, ("vehicle", "kind")), value_at(merged, ("vehicle", "follow"))
+    bandwidth = value_at(merged, ("vehicle", "follow_bandwidth"))
+    if bandwidth not in (NOTHING, None) and follow != "feedback":
+        yield Fault(("vehicle", "follow_bandwidth"), shown(bandwidth), "null without vehicle.follow = feedback")
+    try:
+        plant = Plant.model_validate(merged.get("plant", {}))
+    except ValidationError:  # said where single keys are checked
+        return
+    if plant.is_model:
+        return
+    if follow in (NOTHING, "exact"):
+        allowed = "dynamics or feedback beside a plant that differs from its model"
+        yield Fault(("vehicle", "follow"), "exact", allowed)
+    if value_at(merged, ("guidance", "kind")) == "fim_placement":
+        yield Fault(
+            ("plant",), shown(merged["plant"]), "nothing beside guidance.kind = fim_placement, which moves no plant"
+        )
+    if vehicle == "problem" and plant.has_forces:
+        allowed = "thrust, lag_s and dead_time_s alone beside vehicle.kind = problem"
+        yield Fault(("plant",), shown(merged["plant"]), allowed)
+
+
 def _limits(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Iterator[Fault]:
     pairs = (("range", "nearest_m", "farthest_m"), ("depth", "lowest_m", "highest_m"))
     for section, low, high in pairs:
@@ -140,8 +195,8 @@ def _limits(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Itera
     near, far, margin = (_number(merged, (*path, name), 0.0) for name in ("nearest_m", "farthest_m", "margin_m"))
     between = (far or 0.0) - (near or 0.0)
     if margin is not None and 0.0 < between <= 2.0 * margin:
-        told = f"a number < {0.5 * between:.6g}, half of what lies between the limits"
-        yield Fault((*path, "margin_m"), shown(margin), told)
+        allowed = f"a number < {0.5 * between:.6g}, half of what lies between the limits"
+        yield Fault((*path, "margin_m"), shown(margin), allowed)
     if isinstance(value_at(merged, ("limits", "range")), Mapping) and all(
         value_at(merged, ("limits", "range", name)) in (NOTHING, None) for name in ("nearest_m", "farthest_m")
     ):

@@ -97,4 +97,4 @@ AnyGuidance = Annotated[
     | HelicalGuidance,
     Field(discriminator="kind"),
 ]
-"""The section, told apart by ``kind``."""
+"""The section; ``kind`` chooses between its classes."""

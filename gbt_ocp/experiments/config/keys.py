@@ -76,7 +76,7 @@ Covariance = Annotated[
 
 
 def _with_allowed(tree: dict[str, Any], section: type[BaseModel]) -> None:
-    """Add to the JSON schema of a section what each of its keys allows; a section below says so itself."""
+    """Add to the JSON schema of a section what each of its keys allows; a section below does so itself."""
     for name, field in section.model_fields.items():
         if not is_section(field):
             tree["properties"][name]["allowed"] = allowed(field)
@@ -103,7 +103,7 @@ def kinds_in(annotation: Any) -> list[str]:
 
 
 def kinds_of(section: type[Section]) -> tuple[str, ...]:
-    """Values of ``kind`` that stand for a section; none if it is the only one of its place."""
+    """Values of ``kind`` that choose a section; empty if it has no alternatives."""
     return get_args(section.model_fields["kind"].annotation) if "kind" in section.model_fields else ()
 
 

@@ -9,18 +9,21 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
 
+from gbt_ocp.experiments.build.tracker_kinds import kept_keys
+from gbt_ocp.experiments.build.trackers import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config import yaml_dialect as dialect
-from gbt_ocp.experiments.config.consistency import extremes, inconsistencies
+from gbt_ocp.experiments.config.consistency import extremes, inconsistencies, without_effect
 from gbt_ocp.experiments.config.faults import NOTHING, ConfigurationError, Fault, shown, value_at
-from gbt_ocp.experiments.config.schema import Configuration
-from gbt_ocp.experiments.config.tracker import ShapeTracker
+from gbt_ocp.experiments.config.schema import Configuration, is_text
+from gbt_ocp.experiments.config.tracker import TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.validation import faults_of
 
@@ -55,17 +58,8 @@ _ALTERNATIVES: dict[tuple[str, ...], tuple[str, str]] = {
 
 # Another kind brings other keys; these belong to every kind of their section and stay.
 _SHARED: dict[tuple[str, ...], tuple[str, ...]] = {
-    ("vehicle",): ("start", "follow"),
-    ("tracker",): ("window", "forecast", "forecast_period_s", "prior"),
+    ("vehicle",): ("start", "follow", "follow_bandwidth"),
 }
-
-# The two Gaussian processes have these in common besides, so that a preset means the same to both.
-_PROCESSES = ("gp", "lmc")
-_SHARED_BY_PROCESSES = ("centre", "length_scale", "nugget", "bound_delta")
-
-# What is known of sensor and target is the same to the motion's shape alone and in the mixture.
-_SHAPES = ("motion_gp", "mixture")
-_SHARED_BY_SHAPES = tuple(name for name in ShapeTracker.model_fields if name != "kind")
 
 
 @dataclass(frozen=True)
@@ -99,6 +93,31 @@ def load_config(
     ConfigurationError
         If anything is wrong, with one line a fault: file, key path, what was found, what is allowed.
     """
+    return _checked(source, overrides, seed, None)
+
+
+def load_tracker(source: str | Path | Mapping[str, Any], overrides: Sequence[str], dimension: int) -> TrackerSection:
+    """The section ``tracker`` alone, for the dimension of a recorded log instead of the problem's.
+
+    Parameters
+    ----------
+    source, overrides
+        As for :func:`load_config`.
+    dimension
+        d.
+
+    Raises
+    ------
+    ConfigurationError
+        As :func:`load_config`; other sections are checked only where they contradict this one.
+    """
+    return _checked(source, overrides, None, dimension).tracker
+
+
+def _checked(
+    source: str | Path | Mapping[str, Any], overrides: Sequence[str], seed: int | None, logged: int | None
+) -> Configuration:
+    """The configuration; with the dimension of a log, all sections but the tracker's are the defaults."""
     label, folder, name, text = _read(source)
     faults: list[str] = []
     layers = [_Layer(label, _written(text, label, faults))]
@@ -108,22 +127,27 @@ def load_config(
 
     top = _merge(layers)
     chosen, problem = _problem(top.get("problem", "case2"), folder, layers, faults)
-    layers = [*_beneath(chosen, problem, top.get("preset", "default"), top), *layers]
+    beneath = _beneath(chosen, problem, top.get("preset", "default"), top, logged)
+    layers = [*beneath, *layers]
     merged = _merge(layers)
     merged["problem"] = chosen
     merged.setdefault("name", _as_name(name or (problem.name if problem else "run")))
     _complete(merged, folder, problem)
 
-    sizes = _known_sizes(merged, problem)
+    sizes, sections = _known_sizes(merged, problem), merged
+    if logged is not None:
+        problem, sizes = None, {"d": logged}
+        sections = {name: merged[name] for name in ("problem", "target", "tracker")}
     found: list[Fault] = []
     configuration: Configuration | None = None
     try:
-        configuration = Configuration.model_validate(merged, context=sizes)
+        configuration = Configuration.model_validate(sections, context=sizes)
     except ValidationError as error:
         found += faults_of(error, merged, sizes)
     found += [fault for fault in extremes(merged) if fault.path not in {other.path for other in found}]
     single = {fault.path for fault in found}
-    found += [fault for fault in inconsistencies(merged, problem) if fault.path not in single]
+    between = [*inconsistencies(merged, problem), *without_effect(merged, _merge(beneath))]
+    found += [fault for fault in between if fault.path not in single]
     faults += [fault.line(_origin(fault.path, layers, label)) for fault in found]
     if faults or configuration is None:
         raise ConfigurationError(faults)
@@ -159,7 +183,7 @@ def _written(text: Any, label: str, faults: list[str]) -> dict[str, Any]:
     value = text
     if isinstance(text, str):
         try:
-            value, repeated = dialect.parse(text, label)
+            value, repeated = dialect.parse(text, label, is_text=is_text)
         except dialect.YamlError as fault:
             raise ConfigurationError([str(fault)]) from fault
         faults += repeated
@@ -183,7 +207,7 @@ def _plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
-    return str(value) if isinstance(value, Path) else value
+    return str(value) if isinstance(value, Path | date) else value
 
 
 def _override(line: str, faults: list[str]) -> _Layer | None:
@@ -193,7 +217,7 @@ def _override(line: str, faults: list[str]) -> _Layer | None:
         faults.append(f"--set: found {shown(line)}; allowed: key.path=value")
         return None
     try:
-        value, repeated = dialect.parse(text, f"--set {key}")
+        value, repeated = dialect.parse(text, f"--set {key}", is_text=is_text, at=tuple(parts))
     except dialect.YamlError as fault:
         faults.append(str(fault))
         return None
@@ -219,10 +243,12 @@ def _problem(written: Any, folder: Path, layers: list[_Layer], faults: list[str]
         return chosen, None
 
 
-def _beneath(chosen: str, problem: TrackingProblem | None, preset: Any, written: Mapping[str, Any]) -> list[_Layer]:
+def _beneath(
+    chosen: str, problem: TrackingProblem | None, preset: Any, written: Mapping[str, Any], logged: int | None
+) -> list[_Layer]:
     """Layers weaker than what is written."""
     # Without a problem the rest is still checked, as far as that needs no dimension.
-    layers = [_Layer("defaults", _DIMENSION_DEFAULTS[problem.dimension if problem else 2])]
+    layers = [_Layer("defaults", _DIMENSION_DEFAULTS[logged or (problem.dimension if problem else 2)])]
     if problem is None:
         layers.append(_Layer("defaults", {"target": {"kind": "case2"}}))
     else:
@@ -283,12 +309,10 @@ def _merge(layers: Sequence[_Layer]) -> dict[str, Any]:
 def _overlay(base: Mapping[str, Any], above: Mapping[str, Any], path: tuple[str, ...]) -> dict[str, Any]:
     merged = dict(base)
     if "kind" in above and above["kind"] != base.get("kind", above["kind"]):
-        shared = _SHARED.get(path, ())
-        if path == ("tracker",) and above["kind"] in _PROCESSES and base["kind"] in _PROCESSES:
-            shared = (*shared, *_SHARED_BY_PROCESSES)
-        if path == ("tracker",) and above["kind"] in _SHAPES and base["kind"] in _SHAPES:
-            shared = _SHARED_BY_SHAPES
-        merged = {key: base[key] for key in shared if key in base}
+        kept = {*_SHARED.get(path, ())}
+        if path == ("tracker",):
+            kept = kept_keys(*(TRACKERS.get(str(kind)) for kind in (base["kind"], above["kind"])))
+        merged = {key: value for key, value in base.items() if key in kept}
     alternatives = _ALTERNATIVES.get(path, ())
     if any(above.get(key) is not None for key in alternatives):
         merged = {key: value for key, value in merged.items() if key not in alternatives}
@@ -302,7 +326,7 @@ def _overlay(base: Mapping[str, Any], above: Mapping[str, Any], path: tuple[str,
 
 
 def _origin(path: tuple[str, ...], layers: Sequence[_Layer], label: str) -> str:
-    """Label of the strongest layer that says anything at the path; the file for defaults and missing keys."""
+    """Label of the strongest layer that has a value at the path; the file for defaults and missing keys."""
     for layer in reversed(layers):
         if value_at(layer.values, path) is not NOTHING:
             return label if layer.label == "defaults" else layer.label

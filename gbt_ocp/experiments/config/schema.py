@@ -9,23 +9,41 @@ knows the problem.
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Literal, Union
 
 from pydantic import Field
+from pydantic.fields import FieldInfo
 
+from gbt_ocp.experiments.build.tracker_kinds import TrackerKind
+from gbt_ocp.experiments.build.trackers import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config import yaml_dialect as dialect
+from gbt_ocp.experiments.config.allowed import holds_texts
 from gbt_ocp.experiments.config.desired_bearing import DesiredBearing
 from gbt_ocp.experiments.config.guidance import AnyGuidance, PlannerGuidance
-from gbt_ocp.experiments.config.keys import Section, key, kinds_in
+from gbt_ocp.experiments.config.keys import Section, key, kinds_in, sections_in
 from gbt_ocp.experiments.config.limits import Limits, RangeLimit
 from gbt_ocp.experiments.config.planner import Planner
+from gbt_ocp.experiments.config.plant import Plant
 from gbt_ocp.experiments.config.replay import Replay
 from gbt_ocp.experiments.config.sensor import Sensor
 from gbt_ocp.experiments.config.target import CaseTarget, ManoeuvreTarget, ProblemTarget, TrackTarget, TurningTarget
-from gbt_ocp.experiments.config.tracker import AnyTracker, GaussianProcessTracker
+from gbt_ocp.experiments.config.tracker import GaussianProcessSection, TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.vehicle import FossenVehicle, ProblemVehicle
+
+
+def _any_tracker() -> Any:
+    """The sections of all kinds of trackers."""
+    return Union[tuple(kind.section for kind in TRACKERS.values())]  # noqa: UP007  # made when it is asked for
+
+
+if TYPE_CHECKING:
+    AnyTracker = TrackerSection
+else:
+    AnyTracker = _any_tracker()
 
 
 class Configuration(Section):
@@ -43,7 +61,9 @@ class Configuration(Section):
     )
     sensor: Sensor = Field(default_factory=Sensor, description="The bearing sensor.")
     tracker: AnyTracker = Field(
-        default_factory=lambda: GaussianProcessTracker(kind="gp"), description="How the target's motion is estimated."
+        default_factory=lambda: GaussianProcessSection(kind="gp"),
+        discriminator="kind",
+        description="How the target's motion is estimated.",
     )
     guidance: AnyGuidance = Field(
         default_factory=lambda: PlannerGuidance(kind="planner"), description="How the vehicle moves."
@@ -54,11 +74,16 @@ class Configuration(Section):
     vehicle: FossenVehicle | ProblemVehicle = Field(
         default_factory=lambda: FossenVehicle(kind="fossen"), discriminator="kind", description="The vehicle."
     )
+    plant: Plant = Field(default_factory=Plant, description="How the vehicle that moves differs from its model.")
     replay: Replay = Field(default_factory=Replay, description="Recorded bearings replayed.")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle as a mapping: the class of a registered tracker's section need not be importable where it is read."""
+        return _unpickled, (self.model_dump(),)
 
     @property
     def problem_object(self) -> TrackingProblem:
-        """The problem module's ``problem``; looked up when asked for, so that the configuration pickles."""
+        """The problem module's ``problem``; looked up at each access, so that the configuration can be pickled."""
         return catalogue.load_problem(self.problem)
 
     @property
@@ -96,6 +121,47 @@ class Configuration(Section):
         return dialect.dump(self.to_mapping())
 
 
+def _unpickled(values: dict[str, Any]) -> Configuration:
+    """A configuration from its pickled mapping, in a process that may not have loaded its problem yet."""
+    with suppress(catalogue.ProblemError):  # a run says so itself, with all that it needs
+        catalogue.load_problem(values["problem"])
+    return Configuration.model_validate(values)
+
+
+def register_tracker(kind: TrackerKind) -> None:
+    """Add a kind of tracker, for as long as the program runs.
+
+    ``tracker.kind`` may name it from then on: in YAML files, on the command line, in sweeps and replays. A problem's
+    Python file is the place to call it for trackers of one's own.
+
+    Raises
+    ------
+    ValueError
+        If a kind of this package has the name.
+    """
+    there = TRACKERS.get(kind.name)
+    if there is not None and there.section.__module__ == TrackerSection.__module__:
+        raise ValueError(f"kind: found {kind.name!r}, which is a kind of this package; allowed: another name")
+    TRACKERS[kind.name] = kind
+    accept_registered()
+
+
+def accept_registered() -> None:
+    """Have configurations take the kinds of trackers that there are now."""
+    Configuration.model_fields["tracker"].annotation = _any_tracker()
+    Configuration.model_rebuild(force=True)
+
+
 def kinds(section: str) -> list[str]:
     """Values of ``kind`` between which a section of the configuration chooses, sorted."""
     return kinds_in(Configuration.model_fields[section].annotation)
+
+
+def is_text(path: Sequence[str]) -> bool:
+    """Whether the key at a path holds a text or a list of texts, in every section that may stand there."""
+    sections: list[type[Section]] = [Configuration]
+    fields: list[FieldInfo] = []
+    for name in path:
+        fields = [section.model_fields[name] for section in sections if name in section.model_fields]
+        sections = [inner for field in fields for inner in sections_in(field.annotation)]
+    return bool(fields) and all(map(holds_texts, fields))

@@ -35,7 +35,7 @@ def _increasing(value: tuple[float, float]) -> tuple[float, float]:
 
 
 class TurningTarget(Section):
-    """A boat whose turn rate is drawn anew every so often."""
+    """A boat whose turn rate is drawn again from time to time."""
 
     kind: Literal["turning"] = key(..., "Random turns at a steady or slowly varying speed.")
     start_m: PositionNumbers | None = key(None, "Where it starts, in m; null is the origin.")

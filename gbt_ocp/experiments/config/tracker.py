@@ -1,8 +1,6 @@
-"""The section ``tracker``: how the target's motion is estimated, one class a method.
+"""The section ``tracker``: how the target's motion is estimated, one class a kind.
 
-A further method is a class below :class:`TrackerSection` with its ``kind``, a line in :data:`TRACKERS`, a member of
-:data:`AnyTracker`, and a function in :mod:`~gbt_ocp.experiments.build.trackers`. Keys of :class:`TrackerSection`
-survive a change of ``kind`` in a stronger layer; all others are dropped with the kind they belong to.
+:mod:`gbt_ocp.experiments.build.trackers` lists the kinds, each with its section and the function that builds it.
 """
 
 from __future__ import annotations
@@ -22,23 +20,6 @@ from gbt_ocp.experiments.config.keys import (
     key,
 )
 from gbt_ocp.experiments.config.noise import Noise, NoisyBearings
-
-TRACKERS = {
-    "gp": "Gaussian process on a window of pseudo-linear bearings (paper, section 3)",
-    "lmc": "Gaussian process whose axes move together: linear model of coregionalization (section 3.3)",
-    "motion_gp": "Gaussian process on turn rate and log speed, for noisy bearings and unknown range",
-    "mixture": "motion_gp and a Gaussian process on the velocity, weighed by how well each foretold the bearings",
-    "oe_s": "orthogonality-based estimator of a static target",
-    "oe_cv": "orthogonality-based estimator of a target with constant velocity",
-    "plkf": "pseudo-linear Kalman filter",
-    "imm_plkf": "interacting multiple models with pseudo-linear updates",
-    "ekf": "extended Kalman filter, constant velocity",
-    "imm_ekf": "interacting multiple models with extended updates",
-    "imm_kf_f": "interacting multiple models that see the target's full position",
-    "pr": "polynomial regression on the window",
-}
-"""Estimators that exist, by ``tracker.kind``."""
-
 
 KernelName = Literal["se", "matern32", "matern52", "rq"]
 
@@ -69,7 +50,13 @@ class TrackerSection(Section):
     """What all estimators share."""
 
     kind: str = Field(description="Method.")
-    window: int = key(20, "N_c, bearings kept (default 12 in space).", "a whole number >= 2", ge=2)
+    window: int = key(
+        20,
+        "N_c, bearings kept by gp, lmc and pr (default 12 in space). Other kinds, and gp with noise, have windows of "
+        "their own; for them it is the number of bearings that the recorded condition number counts.",
+        "a whole number >= 2",
+        ge=2,
+    )
     forecast: int = key(11, "n, sampling periods (or forecast_period_s) predicted ahead.", "a whole number >= 1", ge=1)
     forecast_period_s: Positive | None = key(
         None, "Time between predicted positions in s; null is one sampling period.", "null, or a number > 0"
@@ -79,7 +66,7 @@ class TrackerSection(Section):
     )
 
 
-class ProcessTracker(TrackerSection):
+class ProcessSection(TrackerSection):
     """What the Gaussian-process trackers share."""
 
     centre: Literal["origin", "vehicle"] = key("vehicle", "Where the prior mean lies.", "origin, vehicle")
@@ -98,11 +85,11 @@ def _own_or_named(value: Any) -> str:
     return "own" if isinstance(value, Mapping | NoisyBearings) else "named"
 
 
-class GaussianProcessTracker(ProcessTracker):
+class GaussianProcessSection(ProcessSection):
     """The Gaussian-process tracker."""
 
     kind: Literal["gp"] = Field("gp", description="Gaussian process.")
-    kernel: KernelName = key("se", "Kernel of the process.", "se, matern32, matern52, rq")
+    kernel: KernelName = key("se", "Kernel of the process, for exact bearings.", "se, matern32, matern52, rq")
     amplitude: Literal["tuned"] | Positive = key(
         "tuned", "Prior standard deviation in m, tuned on the window or fixed.", "tuned, or a number > 0"
     )
@@ -111,13 +98,14 @@ class GaussianProcessTracker(ProcessTracker):
         Discriminator(_own_or_named),
     ] = key(
         "sensor",
-        "Treatment of noisy bearings, in place of kernel, centre, amplitude, length_scale and nugget. sensor: the "
-        "defaults of its keys if sensor.noise_deg > 0, else null. null: the paper's tracker, for exact bearings.",
+        "Treatment of noisy bearings, in place of kernel, centre, amplitude, length_scale, nugget and bound_delta, "
+        "which are refused beside it. sensor: the defaults of its keys if sensor.noise_deg > 0, else null. null: the "
+        "paper's tracker, for exact bearings.",
         "sensor, null, or a mapping",
     )
 
 
-class CoregionalizedTracker(ProcessTracker):
+class CoregionalizedSection(ProcessSection):
     """The Gaussian-process tracker with a linear model of coregionalization."""
 
     kind: Literal["lmc"] = Field(description="Linear model of coregionalization.")
@@ -144,7 +132,7 @@ class RangePrior(Section):
     log_std: float = key(1.0, "Standard deviation of the logarithm of the range.", "a number > 0", gt=0.0)
 
 
-class ShapeTracker(TrackerSection):
+class ShapeSection(TrackerSection):
     """What the trackers with a Gaussian process on the shape of the motion share."""
 
     noise: Noise = Field(default_factory=Noise, description="Noise of the bearings.")
@@ -186,13 +174,13 @@ class ShapeTracker(TrackerSection):
     speed_time_s: float = key(30.0, "Time scale of the change of log speed in s.", "a number > 0", gt=0.0)
 
 
-class MotionTracker(ShapeTracker):
+class MotionSection(ShapeSection):
     """Gaussian process on the shape of the motion."""
 
     kind: Literal["motion_gp"] = Field(description="Gaussian process on turn rate and log speed.")
 
 
-class MixtureTracker(ShapeTracker):
+class MixtureSection(ShapeSection):
     """Gaussian processes on the shape of the motion and on the velocity."""
 
     kind: Literal["mixture"] = Field(description="Gaussian processes on the motion's shape and on the velocity.")
@@ -204,7 +192,7 @@ class MixtureTracker(ShapeTracker):
     )
 
 
-class BaselineTracker(TrackerSection):
+class BaselineSection(TrackerSection):
     """What the estimators share that the paper compares with."""
 
     initial_range_m: float = key(
@@ -212,14 +200,14 @@ class BaselineTracker(TrackerSection):
     )
 
 
-class OrthogonalityStaticTracker(BaselineTracker):
+class OrthogonalityStaticSection(BaselineSection):
     """Orthogonality-based estimator of a static target."""
 
     kind: Literal["oe_s"] = Field(description="Orthogonality-based, static target.")
     position_gain: float = key(10.0, "Gain on the position in 1/s (k1, c1).", "a number > 0", gt=0.0)
 
 
-class OrthogonalityVelocityTracker(BaselineTracker):
+class OrthogonalityVelocitySection(BaselineSection):
     """Orthogonality-based estimator of a target with constant velocity."""
 
     kind: Literal["oe_cv"] = Field(description="Orthogonality-based, constant velocity.")
@@ -227,7 +215,7 @@ class OrthogonalityVelocityTracker(BaselineTracker):
     velocity_gain: float = key(0.1, "Gain on the velocity in 1/s^2 (c2).", "a number > 0", gt=0.0)
 
 
-class FilterTracker(BaselineTracker):
+class FilterSection(BaselineSection):
     """What the Kalman filters share."""
 
     initial_variance: float = key(
@@ -241,7 +229,7 @@ class FilterTracker(BaselineTracker):
     )
 
 
-class PseudoLinearKalmanTracker(FilterTracker):
+class PseudoLinearSection(FilterSection):
     """Pseudo-linear Kalman filter."""
 
     kind: Literal["plkf"] = Field(description="Pseudo-linear Kalman filter.")
@@ -249,7 +237,7 @@ class PseudoLinearKalmanTracker(FilterTracker):
     bias_compensated: bool = key(False, "Whether the bias of the update is taken off.", "true, false")
 
 
-class InteractingModelsTracker(FilterTracker):
+class InteractingModelsSection(FilterSection):
     """What both trackers with interacting multiple models share."""
 
     jerk_noise: float = key(
@@ -261,14 +249,14 @@ class InteractingModelsTracker(FilterTracker):
     turn_rate_max: float = key(2.0, "Largest turn rate in rad/s.", "a number > 0", gt=0.0)
 
 
-class InteractingPseudoLinearTracker(InteractingModelsTracker):
+class InteractingPseudoLinearSection(InteractingModelsSection):
     """Interacting multiple models with pseudo-linear updates."""
 
     kind: Literal["imm_plkf"] = Field(description="Interacting models, bearings.")
     bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", "a number > 0", gt=0.0)
 
 
-class InteractingPositionTracker(InteractingModelsTracker):
+class InteractingPositionSection(InteractingModelsSection):
     """Interacting multiple models that see the target's position, missed where its bearing is."""
 
     kind: Literal["imm_kf_f"] = Field(description="Interacting models, full positions.")
@@ -277,7 +265,7 @@ class InteractingPositionTracker(InteractingModelsTracker):
     )
 
 
-class FirstGuess(BaselineTracker):
+class ExtendedSection(BaselineSection):
     """What the extended filters share."""
 
     initial_range_std_m: float = key(3.0, "Standard deviation in m of that range.", "a number > 0", gt=0.0)
@@ -290,13 +278,13 @@ class FirstGuess(BaselineTracker):
     bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", "a number > 0", gt=0.0)
 
 
-class ExtendedKalmanTracker(FirstGuess):
+class ExtendedKalmanSection(ExtendedSection):
     """Extended Kalman filter."""
 
     kind: Literal["ekf"] = Field(description="Extended Kalman filter.")
 
 
-class InteractingExtendedTracker(FirstGuess):
+class InteractingExtendedSection(ExtendedSection):
     """Interacting multiple models with extended updates."""
 
     kind: Literal["imm_ekf"] = Field(description="Interacting models, extended updates.")
@@ -315,27 +303,9 @@ class InteractingExtendedTracker(FirstGuess):
     turn_rate_max: float = key(2.0, "Largest turn rate in rad/s.", "a number > 0", gt=0.0)
 
 
-class PolynomialTracker(BaselineTracker):
+class PolynomialSection(BaselineSection):
     """Polynomial regression."""
 
     kind: Literal["pr"] = Field(description="Polynomial regression.")
     order: int = key(3, "Degree of the polynomial.", "a whole number from 0 to 20", ge=0, le=20)
     ridge: float = key(1.0e-8, "Weight of the coefficients beside the squared residuals.", "a number > 0", gt=0.0)
-
-
-AnyTracker = Annotated[
-    GaussianProcessTracker
-    | CoregionalizedTracker
-    | MotionTracker
-    | MixtureTracker
-    | OrthogonalityStaticTracker
-    | OrthogonalityVelocityTracker
-    | PseudoLinearKalmanTracker
-    | InteractingPseudoLinearTracker
-    | ExtendedKalmanTracker
-    | InteractingExtendedTracker
-    | InteractingPositionTracker
-    | PolynomialTracker,
-    Field(discriminator="kind"),
-]
-"""The section, told apart by ``kind``."""

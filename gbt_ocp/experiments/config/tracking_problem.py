@@ -1,4 +1,4 @@
-"""A tracking problem: what moves, in how many dimensions, and what it wants otherwise than the rest."""
+"""A tracking problem: what moves, in how many dimensions, and which defaults and parts it replaces."""
 
 from __future__ import annotations
 

@@ -54,6 +54,23 @@ class Start(Section):
     yaw_deg: float = key(0.0, "Yaw in degrees, counter-clockwise from +x.")
 
 
+Follow = Literal["exact", "dynamics", "feedback"]
+
+# what vehicles of both kinds have in common, declared once
+_START = Field(default_factory=Start, description="Initial state.")
+_FOLLOW = key(
+    "exact",
+    "Follow the flat output exactly, integrate the dynamics under the planned thrust, or do that with feedback.",
+)
+_BANDWIDTH = key(
+    None,
+    "Bandwidth of the feedback in rad/s; null is the follower's own, 2 rad/s.",
+    "null, or a number in (0, 50] with vehicle.follow = feedback",
+    gt=0.0,
+    le=50.0,
+)
+
+
 class FossenVehicle(Section):
     """A Fossen model, 3-DOF in the plane and 4-DOF in space."""
 
@@ -68,17 +85,15 @@ class FossenVehicle(Section):
     thrust_max: PositiveInputNumbers = key(
         (5000.0, 5000.0, 1500.0), "τ_max: N on each axis, then the yaw moment in N m (default 5000 N and 1500 N m)."
     )
-    start: Start = Field(default_factory=Start, description="Initial state.")
-    follow: Literal["exact", "dynamics"] = key(
-        "exact", "Follow the flat output exactly, or integrate the model under the planned thrust."
-    )
+    start: Start = _START
+    follow: Follow = _FOLLOW
+    follow_bandwidth: float | None = _BANDWIDTH
 
 
 class ProblemVehicle(Section):
     """The vehicle that the problem module makes."""
 
     kind: Literal["problem"] = key(..., "The problem module's own vehicle.")
-    start: Start = Field(default_factory=Start, description="Initial state.")
-    follow: Literal["exact", "dynamics"] = key(
-        "exact", "Follow the flat output exactly, or integrate the model under the planned thrust."
-    )
+    start: Start = _START
+    follow: Follow = _FOLLOW
+    follow_bandwidth: float | None = _BANDWIDTH

@@ -1,5 +1,6 @@
 """A tracking problem of my own: a target that drifts and weaves.
 
+Check it:        gbt-ocp check my_problem.py
 Run it:          gbt-ocp run my_problem.py
 Change a key:    gbt-ocp run my_problem.py --set sensor.noise_deg=0.05 duration_s=20 --seed 1
 Look at it:      gbt-ocp animate RUN_DIR

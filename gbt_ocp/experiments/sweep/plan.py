@@ -17,7 +17,7 @@ from typing import Any
 from gbt_ocp.experiments.config import yaml_dialect as dialect
 from gbt_ocp.experiments.config.faults import ConfigurationError, shown
 from gbt_ocp.experiments.config.loading import load_config
-from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.experiments.config.schema import Configuration, is_text
 from gbt_ocp.simulation.history import History
 
 FORMAT = 1
@@ -243,7 +243,7 @@ def read_entries(path: Path) -> list[dict[str, Any]]:
         If the file cannot be read or is not such a list.
     """
     try:
-        value, faults = dialect.parse(path.read_text(encoding="utf-8"), str(path))
+        value, faults = dialect.parse(path.read_text(encoding="utf-8"), str(path), is_text=is_text)
     except (OSError, UnicodeDecodeError) as fault:
         raise ConfigurationError(
             [f"--list: found {path}, which cannot be read ({fault}); allowed: a YAML file"]
@@ -272,7 +272,7 @@ def read_axis(text: str) -> tuple[str, list[Any]]:
     if not (key.strip() and equals and values.strip()):
         raise fault
     try:
-        found, _ = dialect.parse(f"[{values}]", f"--grid {key}")
+        found, _ = dialect.parse(f"[{values}]", f"--grid {key}", is_text=is_text, at=tuple(key.strip().split(".")))
     except dialect.YamlError:
         raise fault from None
     return key.strip(), found

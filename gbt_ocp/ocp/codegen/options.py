@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+from gbt_ocp.ocp.limit_classes import LIMIT_WEIGHT
+
 
 @dataclass(frozen=True)
 class CompiledOptions:
@@ -26,11 +28,13 @@ class CompiledOptions:
         μ at a warm start, by default ``barrier`` up to five pieces and ``barrier (5/p)²`` beyond: the longer the
         horizon, the nearer the shifted plan is to optimal.
     limit_weight
-        c: weight of the l1 penalty that imposes the hard limits, exact while their multipliers stay below it.
+        c: unit of the weights of the l1 penalties that impose the hard limits
+        (:func:`~gbt_ocp.ocp.limit_classes.hard_weights`), exact while the multipliers stay below them. That of a thrust
+        limit is raised while it is broken.
     iterations
         Iterations of one start before another one is tried; by default 12 a piece, at least 60.
     deadline
-        Iterations of all starts together, by default five times as many; the last iterate can still be judged.
+        Iterations of all starts together, and of all attempts of a step, by default five times as many.
     """
 
     tolerance: float = 1.0e-4
@@ -38,7 +42,7 @@ class CompiledOptions:
     feasibility: float = 1.0e-6
     barrier: float = 1.0e-2
     warm_barrier: float = 1.0e-2
-    limit_weight: float = 10.0
+    limit_weight: float = LIMIT_WEIGHT
     iterations: int = 60
     deadline: int = 300
 

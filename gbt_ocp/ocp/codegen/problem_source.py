@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,10 +10,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from gbt_ocp.models.vehicles import drift
+from gbt_ocp.models.vehicles import acceleration
 from gbt_ocp.ocp.check import FINE_POINTS
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_array, c_function, c_source
 from gbt_ocp.ocp.codegen.options import CompiledOptions
+from gbt_ocp.ocp.codegen.problem_header import HEADER
+from gbt_ocp.ocp.limit_classes import hard_weights, limit_class, limit_names
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, ProblemData
 from gbt_ocp.ocp.terms import Constraint, FromMoments, JointObjective, LimitFromMoments
 from gbt_ocp.ocp.trajectory import FlatPoint
@@ -78,7 +81,7 @@ def generate_problem(problem: ProblemData, options: CompiledOptions | None = Non
     per_piece = [limit.nodes * problem.pieces for limit in limits]
     sides = sum(count * limit.sides for count, limit in zip(per_piece, limits, strict=True))
     jacobians = sum(count * limit.jacobian_entries for count, limit in zip(per_piece, limits, strict=True))
-    header = _HEADER.format(
+    header = HEADER.format(
         flat=size,
         dimension=problem.vehicle.position_dimension,
         degree=problem.degree,
@@ -108,9 +111,13 @@ def generate_problem(problem: ProblemData, options: CompiledOptions | None = Non
             c_source(functions),
             c_array("gbt_real", "gbt_input_scale", input_scale(problem), const="const"),
             c_array("gbt_real", "gbt_acceleration_scale", problem.vehicle.acceleration_scale, const="const"),
+            c_array("gbt_real", "gbt_thrust_max", problem.vehicle.thrust_max, const="const"),
             objective_text,
             *(limit.tables for limit in limits),
             f"const gbt_limit gbt_limits[] = {{\n{table}\n}};\n",
+            "const char *const gbt_limit_names[] = {"
+            + ", ".join([*map(json.dumps, limit_names(problem)), "0"])
+            + "};\n",
         ]
     )
     return GeneratedProblem(header, source)
@@ -127,9 +134,10 @@ def _published(problem: ProblemData) -> list[ca.Function]:
     """What the planner around the solver needs: the vehicle, and the parameters of the objective."""
     size, d = problem.vehicle.flat_dimension, problem.vehicle.position_dimension
     point, z, dz = ca.SX.sym("point", 3 * size), ca.SX.sym("z", size), ca.SX.sym("dz", size)
+    thrust = ca.SX.sym("thrust", len(problem.vehicle.thrust_max))
     functions = [
         c_function("gbt_vehicle_inputs", [point], problem.vehicle.inputs(*_split(point, size))),
-        c_function("gbt_vehicle_drift", [z, dz], drift(problem.vehicle, z, dz)),
+        c_function("gbt_vehicle_acceleration", [z, dz, thrust], acceleration(problem.vehicle, z, dz, thrust)),
     ]
     if from_moments(problem):
         mean, root, desired = ca.SX.sym("mean", d), ca.SX.sym("root", d, d), ca.SX.sym("desired", d)
@@ -139,13 +147,13 @@ def _published(problem: ProblemData) -> list[ca.Function]:
                 values = term.from_moments(mean, root, desired)
                 stacked += [ca.vec(ca.densify(values[name])) for name in term.shapes]
         functions.append(c_function("gbt_prepare", [mean, root, desired], ca.vertcat(*stacked)))
-        covariance, numbers = ca.SX.sym("covariance", d, d), []
+        covariance, present, numbers = ca.SX.sym("covariance", d, d), ca.SX.sym("present", d, d), []
         for constraint in problem.constraints:
             if isinstance(constraint, LimitFromMoments):
-                values = constraint.at_knot(mean, covariance)
+                values = constraint.at_knot(mean, covariance, present)
                 numbers += [ca.vec(ca.densify(values[name])) for name in constraint.shapes]
         if numbers:
-            functions.append(c_function("gbt_prepare_limits", [mean, covariance], ca.vertcat(*numbers)))
+            functions.append(c_function("gbt_prepare_limits", [mean, covariance, present], ca.vertcat(*numbers)))
     return functions
 
 
@@ -218,7 +226,7 @@ def _limit(problem: ProblemData, number: int, limit: HardLimit | PenaltyLimit, m
         c_function(f"{name}_curvature", [place, first, second], curves),
     ]
     sides = _sides(constraint)
-    weights, widths = _penalty(problem, limit, [side[0] for side in sides])
+    weights, widths = _penalty(problem, number, limit, [side[0] for side in sides])
     given = first_free_node(problem, constraint)
     begin = given if isinstance(limit, HardLimit) else 0
     tables: Sequence[tuple[str, str, Any]] = (
@@ -234,8 +242,9 @@ def _limit(problem: ProblemData, number: int, limit: HardLimit | PenaltyLimit, m
         ("int", "curvature_column", curve_columns),
     )
     hard, judged = int(isinstance(limit, HardLimit)), int(problem.judged[number])
+    kind = ("GBT_THRUST", "GBT_CERTAIN", "GBT_BELIEVED")[limit_class(problem, constraint)]
     definition = (
-        f"    {{{value.numel()}, {len(sides)}, {limit.nodes}, {begin}, {hard}, {given}, {judged},\n"
+        f"    {{{value.numel()}, {len(sides)}, {limit.nodes}, {begin}, {hard}, {kind}, {given}, {judged},\n"
         f"     {name}_side_row, {name}_side_sign, {name}_side_bound,\n"
         f"     {name}_side_edge, {name}_side_weight, {name}_side_width,\n"
         f"     {name}_value, {name}_jacobian, {name}_curvature,\n"
@@ -254,93 +263,12 @@ def _limit(problem: ProblemData, number: int, limit: HardLimit | PenaltyLimit, m
     )
 
 
-def _penalty(problem: ProblemData, limit: HardLimit | PenaltyLimit, rows: list[int]) -> tuple[list[float], list[float]]:
+def _penalty(
+    problem: ProblemData, number: int, limit: HardLimit | PenaltyLimit, rows: list[int]
+) -> tuple[list[float], list[float]]:
     """Weight at an inner node and half width of each side, with the constraint normalised by its scale."""
     if isinstance(limit, HardLimit):
-        return [0.0] * len(rows), [0.0] * len(rows)
+        return [hard_weights(problem)[number]] * len(rows), [0.0] * len(rows)
     scale = limit.constraint.scale[rows]
     step = problem.period / limit.nodes
     return (limit.weight * step * scale).tolist(), (limit.width / scale).tolist()
-
-
-_HEADER = """/* Generated: sizes, limits and derivatives of one trajectory problem. */
-#ifndef GBT_PROBLEM_H
-#define GBT_PROBLEM_H
-
-#include "gbt_real.h"
-
-GBT_BEGIN_C
-
-#define GBT_FLAT {flat}              /* n, flat outputs */
-#define GBT_DIMENSION {dimension}         /* d, dimension of the space */
-#define GBT_DEGREE {degree}            /* L, degree of the polynomials */
-#define GBT_JOINED {joined}            /* derivatives 0 .. that a piece takes over from the one before */
-#define GBT_PIECES {pieces}            /* p, pieces of the trajectory */
-#define GBT_PERIOD ((gbt_real){period}) /* T, length of a piece in seconds */
-#define GBT_PARAMETERS {parameters}       /* numbers that the objective needs at each endpoint */
-#define GBT_MOVING {moving}           /* numbers that the path constraints need at each time */
-#define GBT_LIMITS {limits}            /* path constraints */
-#define GBT_COUNT {count}           /* bounds at all nodes: "sides" */
-#define GBT_SIDES {sides}           /* the same, at least 1: for arrays */
-#define GBT_JACOBIANS {jacobians}
-#define GBT_ROWS {rows}              /* values of a constraint at a node, at most */
-#define GBT_ENTRIES {entries}          /* nonzeros of a Hessian at a node, at most */
-#define GBT_INPUTS {inputs}            /* inputs of the vehicle */
-#define GBT_FINE_POINTS {fine}     /* points of a piece at which a finished trajectory is held against its limits */
-#define GBT_MOMENTS {moments}           /* whether the moments of a forecast are all that the problem needs */
-#define GBT_PRESENT {present}           /* 1 where its limits need them at the beginning of the plan too */
-
-/* the default settings of the solver: what a gbt_settings is initialised with */
-#define GBT_DEFAULT_SETTINGS \\
-    {settings}
-
-/* A function of a point (z, its rate and its acceleration) and of what else it needs. */
-typedef void (*gbt_function)(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *out);
-
-typedef struct {{
-    gbt_function value;    /* (point, parameters) -> term of the objective, to be maximised */
-    gbt_function gradient; /* (point, parameters) -> all entries */
-    gbt_function hessian;  /* (point, parameters, weight) -> nonzeros of the lower triangle, times the weight */
-    int hessian_entries;
-    const int *hessian_row, *hessian_column;
-}} gbt_objective_functions;
-
-/* A constraint in units of its limits, imposed at times k T / intervals of every piece, k = first .. intervals. */
-typedef struct {{
-    int rows, sides, intervals, first, hard;
-    int given;                       /* at the start of the trajectory no plan can change it */
-    int judged;                      /* a piece that breaks it is not executed */
-    const int *row;                  /* of each side: which value is bounded, */
-    const gbt_real *sign, *bound;    /* to be kept at sign * value <= bound, */
-    const gbt_real *edge;            /* which may lie within the true limit, */
-    const gbt_real *weight, *width;  /* and of a penalty its weight at an inner node and its half width */
-    gbt_function value;              /* (place) -> values; a place is a point and the GBT_MOVING numbers */
-    gbt_function jacobian;           /* (place) -> nonzeros */
-    gbt_function curvature;          /* (place, first, second) -> Hessian of first'value + J' diag(second) J */
-    int jacobian_entries;
-    const int *jacobian_row, *jacobian_column;
-    int curvature_entries;           /* of the lower triangle */
-    const int *curvature_row, *curvature_column;
-}} gbt_limit;
-
-extern const gbt_real gbt_input_scale[]; /* natural sizes of what is free in a piece */
-extern const gbt_objective_functions gbt_objective;
-extern const gbt_limit gbt_limits[];
-extern const gbt_real gbt_acceleration_scale[GBT_FLAT]; /* typical acceleration under full thrust */
-
-void gbt_vehicle_inputs(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *inputs);
-/* The acceleration without thrust, from z and its rate. */
-void gbt_vehicle_drift(const gbt_real *z, const gbt_real *dz, const gbt_real *third, gbt_real *ddz);
-#if GBT_MOMENTS
-/* Parameters of the objective at an endpoint, from mean, symmetric root of the covariance and desired bearing. */
-void gbt_prepare(const gbt_real *mean, const gbt_real *root, const gbt_real *desired, gbt_real *parameters);
-#if GBT_PRESENT
-/* Numbers of the path constraints at a boundary of the pieces, from mean and covariance there. */
-void gbt_prepare_limits(const gbt_real *mean, const gbt_real *covariance, const gbt_real *third, gbt_real *moving);
-#endif
-#endif
-
-GBT_END_C
-
-#endif
-"""

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
 
+from gbt_ocp.files import whole_folder
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError
-from gbt_ocp.ocp.export.folder import free_folder
+from gbt_ocp.ocp.export.names import checked_prefix
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.solvers.ipopt import PENALTY_FORMS, ipopt_options
 from gbt_ocp.ocp.transcription import transcribe
@@ -19,8 +19,8 @@ from gbt_ocp.ocp.transcription import transcribe
 NAME = "planner_ipopt"
 
 
-def write_ipopt_folder(problem: ProblemData, options: Mapping[str, Any], folder: str | Path) -> Path:
-    """Write the nonlinear program with IPOPT as C; the folder is written whole or not at all.
+def write_ipopt_folder(problem: ProblemData, options: Mapping[str, Any], folder: str | Path, prefix: str = "") -> Path:
+    """Write the nonlinear program with IPOPT as C; the folder is written completely or not at all.
 
     Parameters
     ----------
@@ -30,47 +30,44 @@ def write_ipopt_folder(problem: ProblemData, options: Mapping[str, Any], folder:
         As of :class:`gbt_ocp.ocp.solvers.ipopt.IpoptSolver`.
     folder
         A new or empty folder.
+    prefix
+        Of the program's name, and so of all its files and functions.
 
     Raises
     ------
     ValueError
-        If an option names a file.
+        If an option names a file, or no name of C begins with the prefix.
     NotGenerableError
         If CasADi cannot generate some part, which it says by writing ``#error`` into the source.
     FileExistsError
-        If the folder is there and not empty.
+        If the folder exists and is not empty.
     """
-    target = free_folder(folder)
+    target, name = Path(folder), checked_prefix(prefix) + NAME
     program = transcribe(problem)
     own = dict(options)
     elastic = own.pop("penalty", PENALTY_FORMS[0]) == "elastic" and bool(problem.penalties)
     statement: Any = program.elastic_nlp if elastic else program.nlp
     settings: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": ipopt_options(own)}
-    generator = ca.CodeGenerator(f"{NAME}.c", {"with_header": True})
-    generator.add(ca.nlpsol(NAME, "ipopt", statement, settings))
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}-") as scratch:
-        draft = Path(scratch) / target.name
-        draft.mkdir()
+    penalties = [(soft.width, soft.weight) for soft in problem.penalties]
+    readme = _README.format(
+        name=name,
+        variables=program.variables.numel(),
+        slacks=statement["x"].numel() - program.variables.numel() - len(program.giving),
+        giving=len(program.giving),
+        parameters=program.parameters.numel(),
+        limits=program.limits.numel(),
+        kinks=statement["g"].numel() - program.limits.numel() - len(program.giving),
+        penalties="".join(f"\n- {width}, {weight} and the tightening 0" for width, weight in penalties) or " none",
+    )
+    with whole_folder(target) as draft:
+        generator = ca.CodeGenerator(f"{name}.c", {"with_header": True})
+        generator.add(ca.nlpsol(name, "ipopt", statement, settings))
         generator.generate(f"{draft}{os.sep}")
-        for line in (draft / f"{NAME}.c").read_text(encoding="utf-8").splitlines():
+        for line in (draft / f"{name}.c").read_text(encoding="utf-8").splitlines():
             if line.lstrip().startswith("#error"):
                 raise NotGenerableError(f"CasADi cannot generate this as C: {line.strip()}")
-        penalties = [(soft.width, soft.weight) for soft in problem.penalties]
-        text = _README.format(
-            name=NAME,
-            variables=program.variables.numel(),
-            slacks=statement["x"].numel() - program.variables.numel(),
-            parameters=program.parameters.numel(),
-            limits=program.limits.numel(),
-            kinks=statement["g"].numel() - program.limits.numel(),
-            penalties="".join(f"\n- {width}, {weight} and the tightening 0" for width, weight in penalties) or " none",
-        )
-        (draft / "README.md").write_text(text, encoding="utf-8")
-        (draft / "Makefile").write_text(_MAKEFILE.format(name=NAME), encoding="utf-8")
-        if target.exists():
-            target.rmdir()
-        os.replace(draft, target)
+        (draft / "README.md").write_text(readme, encoding="utf-8")
+        (draft / "Makefile").write_text(_MAKEFILE.format(name=name), encoding="utf-8")
     return target
 
 
@@ -83,10 +80,12 @@ IPOPT allocates memory and its time is not bounded: for a vehicle take the defau
 
 `{name}.h` has CasADi's usual interface. Inputs:
 
-- x0: {variables} scaled derivatives of the pieces, one piece after another, then {slacks} slacks of the penalties
+- x0: {variables} scaled derivatives of the pieces, one piece after another, then {slacks} slacks of the penalties, then
+  {giving} of the limits that give where not all can be kept
 - p: {parameters} numbers, below
-- lbx, ubx: infinite, but 0 below for the first half of the slacks
-- lbg, ubg: {limits} bounds of the limits at the nodes, then {kinks} times 0 and infinity
+- lbx, ubx: infinite, but 0 below for the first half of the penalties' slacks and for all of the limits'
+- lbg, ubg: {limits} bounds of the limits at the nodes, without the lower ones of those that give, then {kinks} times 0
+  and infinity, then the {giving} lower bounds left out before, and infinity
 - two multipliers, which may be zero
 
 Outputs: x, f, g and multipliers. p is the start, the parameters of the objectives one endpoint after another, then of

@@ -15,8 +15,7 @@ from gbt_ocp.ocp.codegen.expressions import c_array
 from gbt_ocp.ocp.codegen.problem_source import from_moments
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.problem_data import ProblemData
-from gbt_ocp.ocp.solvers.compiled import STATUSES, CompiledSolver
-from gbt_ocp.ocp.transcription import limit_size
+from gbt_ocp.ocp.solvers.compiled import STATUSES, moments_of_step
 from gbt_ocp.typing import Array
 
 STEPS = 20
@@ -25,8 +24,8 @@ STEPS = 20
 SHAKE = 1.0e-11
 """Relative change of the state under which a step must keep its plan to be recorded."""
 
-STEADY = 1.0e-8
-"""How far an endpoint may move for that (m, rad)."""
+STEADY = 1.0e-6
+"""How far an endpoint may move for that (m, rad): rounding, far smaller, then moves none by 1e-9."""
 
 
 @dataclass(frozen=True)
@@ -58,17 +57,13 @@ class Vectors:
         return "".join(parts)
 
 
-def record(
-    problem: ProblemData, options: Mapping[str, Any], steps: Sequence[Mapping[str, Any]] | None = None
-) -> Vectors:
-    """Plan for these steps, one after the other, with the compiled solver.
+def record(planner: Planner, steps: Sequence[Mapping[str, Any]] | None = None) -> Vectors:
+    """Plan for these steps, one after the other, as the planner does; its memory is left as it is.
 
     Parameters
     ----------
-    problem
-        The problem.
-    options
-        Options of the compiled solver.
+    planner
+        With the compiled solver.
     steps
         Arguments of :meth:`Planner.solve` for each step. ``None`` for a vehicle that follows its own plans around a
         drifting forecast, which any objective from the moments of a forecast understands.
@@ -78,7 +73,8 @@ def record(
     ValueError
         If there are no steps and the objective needs data of its own.
     """
-    planner = Planner(problem, CompiledSolver(problem, options))
+    problem = planner.problem
+    planner = Planner(problem, planner.solver)
     moments = from_moments(problem)
     if steps is None and not moments:
         raise ValueError("steps: found None; allowed: arguments of solve(), since the objective needs data of its own")
@@ -100,7 +96,7 @@ def record(
         row["previous"] = np.zeros_like(plan.trajectory.top) if before is None else before.top
         for name, values in row.items():
             rows.setdefault(name, []).append(np.asarray(values, dtype=float).ravel())
-        statuses.append(_code(plan.status))
+        statuses.append(STATUSES.index(plan.status))
         if steps is None and len(statuses) == STEPS:
             break
     if not statuses:
@@ -109,20 +105,13 @@ def record(
 
 
 def _inputs(problem: ProblemData, step: Mapping[str, Any], moments: bool) -> dict[str, Array]:
+    data = {name: value for name, value in step.items() if name != "state"}
     row = {"state": np.asarray(step["state"], dtype=float)}
-    p = problem.pieces
     if moments:
-        for name in ("mean", "covariance"):
-            row[name] = np.asarray(getattr(step["forecast"], name), dtype=float)[:p]
-            if any(limit_size(constraint) for constraint in problem.constraints):
-                row[name] = np.concatenate([np.asarray(getattr(step["present"], name), dtype=float)[None], row[name]])
-        row["desired"] = np.asarray(step["desired"], dtype=float)[:p]
-    else:
-        data = {name: value for name, value in step.items() if name != "state"}
-        binding = Binding(problem)
-        blocks = [binding.objective_parameters(data), binding.limit_parameters(data)]
-        row["parameters"] = np.concatenate([np.vstack(block).T.ravel() for block in blocks if block])
-    return row
+        return row | moments_of_step(problem, data)
+    binding = Binding(problem)
+    blocks = [binding.objective_parameters(data), binding.limit_parameters(data)]
+    return row | {"parameters": np.concatenate([np.vstack(block).T.ravel() for block in blocks if block])}
 
 
 def _shaken(planner: Planner, step: Mapping[str, Any], rng: np.random.Generator) -> Array:
@@ -133,11 +122,6 @@ def _shaken(planner: Planner, step: Mapping[str, Any], rng: np.random.Generator)
     plan = planner.solve(**{**step, "state": state})
     planner.previous = before
     return plan.endpoints
-
-
-def _code(status: str) -> int:
-    # the planner's own word for a solution that it must not execute stands after those of the solver
-    return STATUSES.index(status) if status in STATUSES else len(STATUSES)
 
 
 class _Drill:

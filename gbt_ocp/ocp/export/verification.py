@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from gbt_ocp.ocp.codegen.library import CompilerError, find_compiler
+from gbt_ocp.ocp.codegen.commands import CommandError
+from gbt_ocp.ocp.codegen.library import CompilerError
+from gbt_ocp.ocp.export.building import built, number_after, required_tools, run_example
 
 NOT_FINITE = 3
 """Exit code of ``example --fail``: the planner's status for an input that is not a number."""
@@ -36,7 +35,7 @@ class Verification:
 
 
 def verify_folder(folder: str | Path, *, flags: str = "-O2 -Werror") -> Verification:
-    """Build a generated folder elsewhere, run its steps twice, compare with what Python recorded, and force a failure.
+    """Build a copy of a generated folder, run its steps twice, compare with what Python recorded, and force a failure.
 
     Parameters
     ----------
@@ -50,29 +49,18 @@ def verify_folder(folder: str | Path, *, flags: str = "-O2 -Werror") -> Verifica
     gbt_ocp.ocp.codegen.library.CompilerError
         If there is no C compiler or no ``make``.
     """
-    source = Path(folder).resolve()
-    compiler, make = find_compiler(), shutil.which("make")
-    if compiler is None or make is None:
-        raise CompilerError("verification needs a C compiler and make")
-    with tempfile.TemporaryDirectory() as scratch:
-        build = [make, "-C", str(source), f"OUT={scratch}", f"CC={compiler}", f"CFLAGS={flags}"]
-        built = subprocess.run(build, capture_output=True, text=True, check=False)
-        if built.returncode != 0:
-            return Verification(np.inf, 0, (f"{' '.join(build)}: {built.stderr.strip()[-2000:]}",))
-
-        def example(*arguments: str) -> subprocess.CompletedProcess[str]:
-            command = [str(Path(scratch) / "example"), *arguments]
-            return subprocess.run(command, cwd=scratch, capture_output=True, text=True, check=False)
-
-        faults = []
-        compared = example()
-        if compared.returncode != 0:
-            faults.append(f"example: exit code {compared.returncode}: {(compared.stdout + compared.stderr)[-2000:]}")
-        failed = example("--fail")
-        if failed.returncode != NOT_FINITE:
-            faults.append(f"example --fail: found exit code {failed.returncode}; allowed: {NOT_FINITE}")
-        words = compared.stdout.splitlines()[-1].split() if compared.stdout else []
-        if "difference" not in words:
-            return Verification(np.inf, 0, (*faults, "example printed no result"))
-        difference = float(words[words.index("difference") + 1].rstrip(","))
-        return Verification(difference, int(words[0]), tuple(faults))
+    required_tools()
+    faults = []
+    try:
+        with built(Path(folder), flags) as build:
+            compared, failed = run_example(build), run_example(build, "--fail")
+    except (CompilerError, CommandError) as fault:
+        return Verification(np.inf, 0, (str(fault),))
+    if compared.returncode != 0:
+        faults.append(f"example: exit code {compared.returncode}: {(compared.stdout + compared.stderr)[-2000:]}")
+    if failed.returncode != NOT_FINITE:
+        faults.append(f"example --fail: found exit code {failed.returncode}; allowed: {NOT_FINITE}")
+    difference = number_after("difference", compared.stdout)
+    if difference is None:
+        return Verification(np.inf, 0, (*faults, "example printed no result"))
+    return Verification(difference, int(compared.stdout.splitlines()[-1].split()[0]), tuple(faults))

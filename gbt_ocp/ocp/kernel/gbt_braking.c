@@ -1,93 +1,107 @@
 #include "gbt_braking.h"
 
-#include "gbt_check.h"
 #include "gbt_math.h"
 #include "gbt_pieces.h"
 
-#define SHARES 12 /* from drifting to stopping by halves: a stop may take a thousand times the thrust there is */
-#define ROUNDS 12 /* of the pattern search around the best of the family */
-#define AT_REST ((gbt_real)1e-16) /* sum of squares of speeds, over their scales, that counts as none */
+#define POINTS 11 /* of a piece at which its thrust is held within the limits, both ends included */
+#define FIRST (GBT_JOINED == 2 ? 0 : 1) /* of them that the lowest free derivative moves */
+#define ROUNDS 20 /* of projections over these points, at most */
+#define INSIDE ((gbt_real)0.998) /* share of the limits that a projection leads to: between the points thrust may bulge */
 
-/* The best lowest free derivative of a piece so far, those above it being zero: what breaks the limits less, and among those that keep them ends slower. */
-typedef struct {
-    gbt_real top[GBT_FLAT], broken, speed;
-} candidate;
-
-static gbt_real end_speed(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDERS][GBT_FLAT])
+/* The point of a piece with that number, and its thrust; returns by how much that exceeds its limits, at least 0. */
+static gbt_real excess(gbt_real piece[GBT_ORDERS][GBT_FLAT], int k, gbt_real *point, gbt_real *thrust)
 {
-    gbt_real sum = 0;
-    gbt_next_piece(piece, next);
-    for (int j = 0; j < GBT_FLAT; j++) {
-        const gbt_real speed = next[1][j] / gbt_acceleration_scale[j];
-        sum += speed * speed;
+    gbt_real worst = 0;
+    gbt_point_after(piece, GBT_PERIOD * (gbt_real)k / (POINTS - 1), point);
+    gbt_vehicle_inputs(point, 0, 0, thrust);
+    for (int m = 0; m < GBT_INPUTS; m++) {
+        const gbt_real over = gbt_fabs(thrust[m]) / gbt_thrust_max[m] - 1;
+        if (isnan(over)) return GBT_INFINITY;
+        if (over > worst) worst = over;
     }
-    return sum;
+    return worst;
 }
 
-/* Tries piece[GBT_JOINED]; returns 1 if it is better than the best. */
-static int improve(gbt_real piece[GBT_ORDERS][GBT_FLAT], const gbt_real *moving, candidate *best)
+/* Moves the lowest free derivative by a share of what brings the thrust at a point within its limits. */
+static void project(gbt_real piece[GBT_ORDERS][GBT_FLAT], int k, gbt_real share, const gbt_real *point,
+                    gbt_real *thrust)
 {
-    gbt_real next[GBT_ORDERS][GBT_FLAT], broken, speed;
-    gbt_check(&piece[0][0], piece[GBT_JOINED], 1, GBT_FINE_POINTS, moving, &broken);
-    if (broken < 0) broken = 0;
-    speed = end_speed(piece, next);
-    if (!(broken < best->broken || (broken == best->broken && speed < best->speed))) return 0;
-    best->broken = broken;
-    best->speed = speed;
-    for (int j = 0; j < GBT_FLAT; j++) best->top[j] = piece[GBT_JOINED][j];
-    return 1;
+    gbt_real power[GBT_ORDERS], within[GBT_FLAT];
+    int finite = 1;
+    gbt_taylor(GBT_PERIOD * (gbt_real)k / (POINTS - 1), power);
+    for (int m = 0; m < GBT_INPUTS; m++) {
+        const gbt_real limit = INSIDE * gbt_thrust_max[m];
+        thrust[m] = thrust[m] > limit ? limit : thrust[m] < -limit ? -limit : thrust[m];
+    }
+    gbt_vehicle_acceleration(point, point + GBT_FLAT, thrust, within);
+    for (int j = 0; j < GBT_FLAT; j++) {
+        within[j] = (within[j] - point[2 * GBT_FLAT + j]) / power[GBT_JOINED - 2];
+        if (!isfinite(within[j])) finite = 0;
+    }
+    for (int j = 0; j < GBT_FLAT && finite; j++) piece[GBT_JOINED][j] += share * within[j];
 }
 
-static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], const gbt_real *moving)
+/* The best of a few rounds from piece[GBT_JOINED], into best; returns by how much its thrust exceeds the limits. */
+static gbt_real projected(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real best[GBT_FLAT])
 {
-    gbt_real drift[GBT_FLAT], stop[GBT_FLAT], reach = (gbt_real)0.25;
-    candidate best;
-    best.broken = best.speed = GBT_INFINITY;
-    gbt_vehicle_drift(piece[0], piece[1], 0, drift);
-    for (int j = 0; j < GBT_FLAT; j++) {
-        stop[j] = -piece[1][j] / GBT_PERIOD;
-        if (GBT_JOINED > 2) {
-            /* The acceleration is inherited: aim the one at the end of the piece instead. */
-            const gbt_real lag = gbt_pow(GBT_PERIOD, (gbt_real)(GBT_JOINED - 2));
-            drift[j] = (drift[j] - piece[2][j]) / lag;
-            stop[j] = (stop[j] - piece[2][j]) / lag;
-        }
-        if (!isfinite(drift[j])) drift[j] = 0;
-        best.top[j] = drift[j];
-        piece[GBT_JOINED][j] = stop[j];
-    }
-    improve(piece, moving, &best);
-    if (best.broken == 0 && best.speed < AT_REST) return; /* nothing ends slower */
-    for (int a = 0; a < SHARES; a++)
-        for (int b = 0; b < 4; b++) {
-            /* Yaw brakes by its own share: a fast turn and a fast drift need different ones. */
-            const gbt_real share = a == 0 ? 0 : gbt_pow((gbt_real)0.5, (gbt_real)(SHARES - 1 - a));
-            const gbt_real last = b == 0 ? share : (gbt_real)(b - 1) / 2;
-            for (int j = 0; j < GBT_FLAT; j++)
-                piece[GBT_JOINED][j] = drift[j] + (j == GBT_FLAT - 1 ? last : share) * (stop[j] - drift[j]);
-            improve(piece, moving, &best);
-        }
-    /* Fast turns couple the axes: then no mixture of drifting and stopping may keep the limits. */
+    gbt_real point[GBT_POINT], thrust[GBT_INPUTS], least = GBT_INFINITY, share = 1;
+    for (int j = 0; j < GBT_FLAT; j++) best[j] = piece[GBT_JOINED][j];
     for (int round = 0; round < ROUNDS; round++) {
-        int moved = 0;
-        for (int axis = 0; axis < GBT_FLAT; axis++)
-            for (int sign = 1; sign >= -1; sign -= 2) {
-                for (int j = 0; j < GBT_FLAT; j++) piece[GBT_JOINED][j] = best.top[j];
-                piece[GBT_JOINED][axis] += (gbt_real)sign * reach * gbt_input_scale[axis];
-                if (improve(piece, moving, &best)) moved = 1;
-            }
-        if (!moved) reach /= 2;
+        gbt_real worst = 0;
+        for (int k = FIRST; k < POINTS; k++) worst = gbt_fmax(worst, excess(piece, k, point, thrust));
+        if (worst < least) {
+            least = worst;
+            for (int j = 0; j < GBT_FLAT; j++) best[j] = piece[GBT_JOINED][j];
+        } else {
+            share /= 2;
+        }
+        if (!(worst > 0)) break;
+        for (int k = FIRST; k < POINTS; k++)
+            if (excess(piece, k, point, thrust) > 0) project(piece, k, share, point, thrust);
     }
-    for (int j = 0; j < GBT_FLAT; j++) piece[GBT_JOINED][j] = best.top[j];
+    return least;
 }
 
-void gbt_brake(const gbt_real *start, const gbt_real *moving, gbt_real *top)
+/* Fills in the lowest free derivative; those above it brake nothing and are zero. */
+static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT])
+{
+    static const gbt_real idle[GBT_INPUTS];
+    gbt_real next[GBT_ORDERS][GBT_FLAT], drift[GBT_FLAT], best[GBT_FLAT];
+    gbt_real least = GBT_INFINITY, slowest = GBT_INFINITY;
+    gbt_vehicle_acceleration(piece[0], piece[1], idle, drift);
+    for (int j = 0; j < GBT_FLAT; j++) best[j] = 0;
+    for (int start = 0; start < 2; start++) {
+        gbt_real found[GBT_FLAT], speed = 0;
+        for (int j = 0; j < GBT_FLAT; j++) {
+            gbt_real aim = start == 0 ? -piece[1][j] / GBT_PERIOD : isfinite(drift[j]) ? drift[j] : 0;
+            /* where the acceleration is inherited, the one at the end of the piece is aimed instead */
+            if (GBT_JOINED > 2) aim = (aim - piece[2][j]) / gbt_pow(GBT_PERIOD, (gbt_real)(GBT_JOINED - 2));
+            piece[GBT_JOINED][j] = aim;
+        }
+        const gbt_real broken = projected(piece, found);
+        for (int j = 0; j < GBT_FLAT; j++) piece[GBT_JOINED][j] = found[j];
+        gbt_next_piece(piece, next);
+        for (int j = 0; j < GBT_FLAT; j++) {
+            const gbt_real scaled = next[1][j] / gbt_acceleration_scale[j];
+            speed += scaled * scaled;
+        }
+        if (broken < least || (broken == least && speed < slowest)) {
+            least = broken;
+            slowest = speed;
+            for (int j = 0; j < GBT_FLAT; j++) best[j] = found[j];
+        }
+        if (broken <= 0) break;
+    }
+    for (int j = 0; j < GBT_FLAT; j++) piece[GBT_JOINED][j] = best[j];
+}
+
+void gbt_brake(const gbt_real *start, gbt_real *top)
 {
     gbt_real piece[GBT_ORDERS][GBT_FLAT], next[GBT_ORDERS][GBT_FLAT];
     for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = start[a];
     for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = 0;
     for (int i = 0; i < GBT_PIECES; i++) {
-        brake_piece(piece, moving + i * GBT_MOVING);
+        brake_piece(piece);
         for (int a = 0; a < GBT_FREE; a++) top[i * GBT_FREE + a] = *gbt_free(piece, a);
         gbt_next_piece(piece, next);
         for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = next[a / GBT_FLAT][a % GBT_FLAT];

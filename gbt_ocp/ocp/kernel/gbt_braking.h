@@ -1,4 +1,4 @@
-/* The last resort: slow down within the limits, without any solver. */
+/* The last resort: slow down within the thrust, by a few projections and without any solver. */
 #ifndef GBT_BRAKING_H
 #define GBT_BRAKING_H
 
@@ -6,10 +6,12 @@
 
 GBT_BEGIN_C
 
-/* What is free in the pieces of a braking trajectory, GBT_PIECES x GBT_FREE. Each piece takes, of a family of accelerations that
-   runs from drifting (no thrust) to stopping within the piece, the one that ends slowest within the limits; if none
-   keeps them, the one that breaks them least. moving: of the limits, (GBT_PIECES + 1) x GBT_MOVING. */
-void gbt_brake(const gbt_real *start, const gbt_real *moving, gbt_real *top);
+/* What is free in the pieces of a braking trajectory, GBT_PIECES x GBT_FREE; limits besides those of the thrust are not
+   looked at. A piece starts from the acceleration that stops within it. Wherever the thrust of that exceeds its limits,
+   the acceleration is moved by what the excess of thrust accelerates, point by point along the piece and again until no
+   point exceeds any more. Where a bounded number of rounds does not end that, drifting is the second start, and the
+   piece that breaks the limits less is taken, of two that keep them the one that ends slower. */
+void gbt_brake(const gbt_real *start, gbt_real *top);
 
 GBT_END_C
 

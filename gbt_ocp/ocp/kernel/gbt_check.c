@@ -3,38 +3,81 @@
 #include "gbt_math.h"
 #include "gbt_pieces.h"
 
-static gbt_real worst_at(const gbt_real *point, int at_start, gbt_real worst)
+/* The larger of worst and the violation of a limit at a place. */
+static gbt_real worst_of(const gbt_limit *limit, const gbt_real *place, gbt_real worst)
 {
     gbt_real value[GBT_ROWS];
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        if (!limit->judged || (at_start && limit->given)) continue;
-        limit->value(point, 0, 0, value);
-        for (int r = 0; r < limit->sides; r++) {
-            const gbt_real over = limit->sign[r] * value[limit->row[r]] - limit->edge[r];
-            if (isnan(over)) return GBT_INFINITY;
-            if (over > worst) worst = over;
-        }
+    limit->value(place, 0, 0, value);
+    for (int r = 0; r < limit->sides; r++) {
+        const gbt_real over = limit->sign[r] * value[limit->row[r]] - limit->edge[r];
+        if (isnan(over)) return GBT_INFINITY;
+        if (over > worst) worst = over;
     }
     return worst;
+}
+
+static void survey_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], const gbt_real *moving, int points, int at_start,
+                         gbt_real worst[GBT_LIMITS + 1])
+{
+    gbt_real place[GBT_PLACE];
+    for (int q = 0; q < GBT_LIMITS; q++) worst[q] = -GBT_INFINITY;
+    if (points == GBT_NODES) {
+        for (int q = 0; q < GBT_LIMITS; q++)
+            for (int k = at_start && gbt_limits[q].given; k <= gbt_limits[q].intervals; k++) {
+                const gbt_real share = (gbt_real)k / (gbt_real)gbt_limits[q].intervals;
+                gbt_point_after(piece, GBT_PERIOD * share, place);
+                gbt_moving_at(moving, share, place);
+                worst[q] = worst_of(&gbt_limits[q], place, worst[q]);
+            }
+        return;
+    }
+    for (int k = 0; k < points; k++) {
+        const gbt_real share = (gbt_real)k / (gbt_real)(points - 1);
+        gbt_point_after(piece, GBT_PERIOD * share, place);
+        gbt_moving_at(moving, share, place);
+        for (int q = 0; q < GBT_LIMITS; q++)
+            if (!(at_start && k == 0 && gbt_limits[q].given)) worst[q] = worst_of(&gbt_limits[q], place, worst[q]);
+    }
+}
+
+/* Puts piece number i in its place, after the one before it, which is spent. */
+static void load_piece(const gbt_real *start, const gbt_real *top, int i, gbt_real piece[GBT_ORDERS][GBT_FLAT])
+{
+    gbt_real end[GBT_ORDERS][GBT_FLAT];
+    if (i > 0) gbt_next_piece(piece, end);
+    for (int a = 0; a < GBT_STATE; a++)
+        piece[a / GBT_FLAT][a % GBT_FLAT] = i > 0 ? end[a / GBT_FLAT][a % GBT_FLAT] : start[a];
+    for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = top[i * GBT_FREE + a];
+}
+
+void gbt_survey(const gbt_real *start, const gbt_real *top, int pieces, int points, const gbt_real *moving,
+                gbt_real worst[][GBT_LIMITS + 1])
+{
+    gbt_real piece[GBT_ORDERS][GBT_FLAT];
+    for (int i = 0; i < pieces; i++) {
+        load_piece(start, top, i, piece);
+        survey_piece(piece, moving + i * GBT_MOVING, points, i == 0, worst[i]);
+    }
 }
 
 void gbt_check(const gbt_real *start, const gbt_real *top, int pieces, int points, const gbt_real *moving,
                gbt_real *violation)
 {
-    gbt_real piece[GBT_ORDERS][GBT_FLAT], end[GBT_ORDERS][GBT_FLAT], point[GBT_PLACE];
-    for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = start[a];
+    gbt_real piece[GBT_ORDERS][GBT_FLAT], worst[GBT_LIMITS + 1];
     for (int i = 0; i < pieces; i++) {
-        for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = top[i * GBT_FREE + a];
+        load_piece(start, top, i, piece);
+        survey_piece(piece, moving + i * GBT_MOVING, points, i == 0, worst);
         violation[i] = -GBT_INFINITY;
-        for (int k = 0; k < points; k++) {
-            const gbt_real share = (gbt_real)k / (gbt_real)(points - 1);
-            gbt_point_after(piece, GBT_PERIOD * share, point);
-            gbt_moving_at(moving + i * GBT_MOVING, share, point);
-            violation[i] = worst_at(point, i == 0 && k == 0, violation[i]);
-        }
-        gbt_next_piece(piece, end);
-        for (int l = 0; l < GBT_JOINED; l++)
-            for (int j = 0; j < GBT_FLAT; j++) piece[l][j] = end[l][j];
+        for (int q = 0; q < GBT_LIMITS; q++)
+            if (gbt_limits[q].judged && worst[q] > violation[i]) violation[i] = worst[q];
     }
+}
+
+void gbt_broken_at_start(const gbt_real *start, const gbt_real *moving, gbt_real violation[GBT_LIMITS + 1])
+{
+    gbt_real place[GBT_PLACE];
+    for (int a = 0; a < GBT_POINT; a++) place[a] = a < GBT_STATE ? start[a] : 0;
+    gbt_moving_at(moving, 0, place);
+    for (int q = 0; q < GBT_LIMITS; q++)
+        violation[q] = gbt_limits[q].given ? worst_of(&gbt_limits[q], place, 0) : 0;
 }

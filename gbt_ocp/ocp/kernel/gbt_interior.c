@@ -16,7 +16,7 @@
 #define NEAR_ENOUGH ((gbt_real)20)     /* error over mu at which mu is lowered */
 #define DELTA_FIRST ((gbt_real)1e-5)    /* first regularisation of an indefinite Hessian */
 #define DELTA_LAST ((gbt_real)1e12)
-#define ESCALATION ((gbt_real)100)      /* of the weight of hard limits that a solution violates */
+#define ESCALATION ((gbt_real)100)      /* of the weight of thrust limits that a solution violates */
 #define HEAVIEST ((gbt_real)1e7)
 
 int gbt_all_finite(const gbt_real *x, int count)
@@ -26,24 +26,31 @@ int gbt_all_finite(const gbt_real *x, int count)
     return 1;
 }
 
-void gbt_weigh_limits(gbt_workspace *work, gbt_real limit_weight)
+void gbt_weigh_limits(gbt_workspace *work, gbt_real thrust, gbt_real others)
 {
     gbt_real *c = work->c, *width = work->width;
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
+        const gbt_real hard = limit->kind == GBT_THRUST ? thrust : others;
         for (int k = limit->first; k <= limit->intervals; k++) {
             /* the trapezoidal rule of the penalty */
             const gbt_real node = k == 0 || k == limit->intervals ? (gbt_real)0.5 : 1;
             for (int i = 0; i < work->pieces; i++)
                 for (int r = 0; r < limit->sides; r++) {
-                    *c++ = limit->hard ? limit_weight : node * limit->weight[r];
-                    *width++ = limit->hard ? 0 : limit->width[r];
+                    *c++ = (limit->hard ? hard : node) * limit->weight[r];
+                    *width++ = limit->width[r];
                 }
         }
     }
 }
 
-gbt_real gbt_worst_side(const gbt_workspace *work, int hard_only)
+static int belongs(const gbt_limit *limit, gbt_which which)
+{
+    if (which == GBT_ALL) return 1;
+    return limit->hard && (limit->kind == GBT_THRUST) == (which == GBT_HARD_THRUST);
+}
+
+gbt_real gbt_worst_side(const gbt_workspace *work, gbt_which which)
 {
     const gbt_real *y = work->y;
     gbt_real worst = -GBT_INFINITY;
@@ -51,7 +58,7 @@ gbt_real gbt_worst_side(const gbt_workspace *work, int hard_only)
         const gbt_limit *limit = &gbt_limits[q];
         const int count = (limit->intervals - limit->first + 1) * work->pieces * limit->sides;
         for (int k = 0; k < count; k++)
-            if ((limit->hard || !hard_only) && y[k] > worst) worst = y[k];
+            if (belongs(limit, which) && y[k] > worst) worst = y[k];
         y += count;
     }
     return worst;
@@ -197,20 +204,22 @@ gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int i
     }
 }
 
-/* Violated hard limits are made dearer until they are kept or nothing more is gained: the l1 penalty is exact only
-   while its weight exceeds the multipliers. */
+/* Violated limits on thrust are made dearer until they are kept or nothing more is gained: they are never given up for
+   others. The others have the weight of their class, above which an objective must be steep to break them. */
 gbt_status gbt_minimise_within_limits(const gbt_settings *settings, gbt_real mu, int deadline, gbt_workspace *work,
                                       gbt_result *result)
 {
     gbt_real before = GBT_INFINITY;
     for (gbt_real weight = settings->limit_weight;; weight *= ESCALATION) {
         const int left = deadline - result->iterations;
-        gbt_weigh_limits(work, weight);
+        gbt_weigh_limits(work, weight, settings->limit_weight);
         const gbt_status status =
             gbt_minimise(settings->tolerance, mu, gbt_last_barrier(settings),
                          left < settings->iterations ? left : settings->iterations, work, result);
-        const gbt_real violation = gbt_worst_side(work, 1);
-        if (status != GBT_SOLVED || violation <= settings->feasibility) return status;
+        const gbt_real violation = gbt_worst_side(work, GBT_HARD_THRUST);
+        if (status != GBT_SOLVED) return status;
+        if (violation <= settings->feasibility)
+            return gbt_worst_side(work, GBT_HARD_OTHERS) <= settings->feasibility ? GBT_SOLVED : GBT_GIVEN_UP;
         if (weight >= HEAVIEST || violation > (gbt_real)0.99 * before) return GBT_LIMIT_VIOLATED;
         before = violation;
     }

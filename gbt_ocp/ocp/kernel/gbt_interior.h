@@ -14,15 +14,20 @@ gbt_real gbt_last_barrier(const gbt_settings *settings);
 gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int iterations, gbt_workspace *work,
                         gbt_result *result);
 
-/* The same until the hard limits are kept or no weight helps, or result->iterations has come to the deadline. */
+/* The same until the hard limits are kept or no weight helps, or result->iterations has come to the deadline: the
+   solved problem keeps all of them (GBT_SOLVED), all of thrust (GBT_GIVEN_UP), or not even those. */
 gbt_status gbt_minimise_within_limits(const gbt_settings *settings, gbt_real mu, int deadline, gbt_workspace *work,
                                       gbt_result *result);
 
-/* c and the half width of every side; the weight is that of the hard limits. */
-void gbt_weigh_limits(gbt_workspace *work, gbt_real limit_weight);
+/* c and the half width of every side; the weights are those of the hard limits on thrust and of the others, each times
+   what its class weighs. */
+void gbt_weigh_limits(gbt_workspace *work, gbt_real thrust, gbt_real others);
 
-/* Largest side of all limits, or of the hard ones. */
-gbt_real gbt_worst_side(const gbt_workspace *work, int hard_only);
+/* Which limits: all, the hard ones on thrust, the other hard ones. */
+typedef enum { GBT_ALL, GBT_HARD_THRUST, GBT_HARD_OTHERS } gbt_which;
+
+/* Largest side of these limits. */
+gbt_real gbt_worst_side(const gbt_workspace *work, gbt_which which);
 
 int gbt_all_finite(const gbt_real *x, int count);
 

@@ -58,7 +58,8 @@ void gbt_bind(const gbt_real *mean, const gbt_real *covariance, const gbt_real *
     }
 #if GBT_PRESENT
     for (int i = 0; i <= GBT_PIECES; i++)
-        gbt_prepare_limits(mean + i * D, covariance + i * D * D, 0, parameters + GBT_LIMIT_NUMBERS + i * GBT_MOVING);
+        gbt_prepare_limits(mean + i * D, covariance + i * D * D, covariance,
+                           parameters + GBT_LIMIT_NUMBERS + i * GBT_MOVING);
 #endif
 }
 #endif

@@ -91,7 +91,7 @@ gbt_real gbt_evaluate(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GB
                 place_at(work, piece, i, share, power, point);
                 limit->value(point, 0, 0, value);
                 for (int r = 0; r < limit->sides; r++)
-                    *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening;
+                    *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening[q];
             }
         }
     }

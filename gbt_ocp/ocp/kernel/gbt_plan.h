@@ -6,9 +6,14 @@
            gbt_plan(&planner, state, mean, covariance, desired, &plan);
            follow plan.thrust[0], or the first piece of the trajectory, for one period
 
-   Every call returns a plan, unless the input is not finite: where the solver fails, the rest of the previous plan, a
-   plan from a cold start, or a braking plan, in this order. plan.piece_violation[0] says whether its first piece keeps
-   the limits. Nothing is allocated, and the number of iterations of the solver is bounded. */
+   Every call returns a plan, unless the input is not finite. Thrust is kept within its limits. Where the other limits
+   cannot all be kept, those on what is only believed of the target give before the others, each by as little as the
+   thrust allows, and plan.given_up says by how much. Where the solver fails, the answer is what it had when its
+   iterations were spent if the first piece of that keeps the limits, the rest of the previous plan, a plan from a cold
+   start, what the solver had if its first piece keeps the thrust limits, or a braking plan, in this order. Nothing is allocated, and the solver's iterations of
+   all attempts together are at most settings.deadline. */
+#include "gbt_identity.h"
+
 #ifndef GBT_PLAN_H
 #define GBT_PLAN_H
 
@@ -24,17 +29,21 @@ typedef enum {
     GBT_SHIFTED = 1,  /* the rest of the previous plan */
     GBT_COLD = 2,     /* the solver's plan from a cold start, after a warm one failed */
     GBT_BRAKED = 3,   /* a braking plan */
-    GBT_NO_PLAN = 4   /* the input was not finite */
+    GBT_NO_PLAN = 4,  /* the input was not finite */
+    GBT_UNFINISHED = 5 /* what the solver had when its iterations were spent */
 } gbt_origin;
 
 typedef struct {
-    gbt_status status;  /* of the solver in its first attempt; GBT_SOLVED is what one hopes for */
+    gbt_status status;  /* of the first attempt: GBT_SOLVED, GBT_GIVEN_UP, or why there is another origin */
     gbt_origin origin;
     int iterations;     /* of all attempts */
-    int tightened;      /* how often the first piece broke a limit between the nodes */
+    int tightened;      /* how often limits were tightened, since the first piece broke them between the nodes */
     gbt_real objective; /* without penalty */
     gbt_real violation; /* of the true limits, on a fine grid of the whole plan, in units of the limits; 0 inside */
     gbt_real piece_violation[GBT_PIECES];
+    gbt_real given_up[GBT_LIMITS + 1];        /* worst violation of each limit that had to give, 0 of the others, and */
+    gbt_real broken_at_start[GBT_LIMITS + 1]; /* what was broken where the plan begins; in units of the limits, which
+                                                 are in the order of gbt_limits and gbt_limit_names */
     gbt_real top[GBT_PIECES][GBT_FREE];       /* what is free in the pieces: with the state, the trajectory */
     gbt_real endpoints[GBT_PIECES][GBT_FLAT]; /* flat output at the end of each piece */
     gbt_real rates[GBT_PIECES][GBT_FLAT];     /* and its rate */
@@ -49,7 +58,8 @@ typedef struct {
     gbt_workspace work;
 } gbt_planner;
 
-/* Default settings, no previous plan. */
+/* Default settings, no previous plan. They may be changed between the steps. */
+#define gbt_plan_init GBT_NAME(gbt_plan_init)
 void gbt_plan_init(gbt_planner *planner);
 
 /* Size of a gbt_planner, for callers that do not see the struct. */

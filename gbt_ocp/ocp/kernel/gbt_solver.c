@@ -73,7 +73,7 @@ static void solve_tail(const gbt_settings *settings, const gbt_real *start, cons
     gbt_result found;
     found.iterations = 0;
     load(start, parameters, GBT_PIECES - TAIL, TAIL, u, work);
-    gbt_weigh_limits(work, settings->limit_weight);
+    gbt_weigh_limits(work, settings->limit_weight, settings->limit_weight);
     const gbt_status status = gbt_minimise(ROUGH, settings->barrier, settings->warm_barrier, most, work, &found);
     if (status == GBT_SOLVED || status == GBT_ITERATION_LIMIT) store(work, GBT_PIECES - TAIL, u);
     /* as many iterations of the whole as cost the same */
@@ -81,7 +81,7 @@ static void solve_tail(const gbt_settings *settings, const gbt_real *start, cons
 }
 
 gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,
-                     gbt_real tightening, int warm, gbt_real *u, gbt_workspace *work, gbt_result *result)
+                     const gbt_real *tightening, int warm, gbt_real *u, gbt_workspace *work, gbt_result *result)
 {
     gbt_real cheapest = GBT_INFINITY;
     gbt_status status;
@@ -91,12 +91,12 @@ gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const 
     result->residual = result->violation = GBT_INFINITY;
     result->objective = -GBT_INFINITY;
     if (!gbt_all_finite(start, GBT_STATE) || !gbt_all_finite(parameters, GBT_NUMBERS) ||
-        !gbt_all_finite(u, GBT_PIECES * GBT_FREE) || !isfinite(tightening))
+        !gbt_all_finite(u, GBT_PIECES * GBT_FREE) || !gbt_all_finite(tightening, GBT_LIMITS))
         return result->status;
 
-    work->tightening = tightening;
+    for (int q = 0; q < GBT_LIMITS; q++) work->tightening[q] = tightening[q];
     for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) work->guess[k] = u[k];
-    if (warm && GBT_PIECES > SHORT) solve_tail(settings, start, parameters, work->guess, work, result);
+    if (warm == GBT_WARM && GBT_PIECES > SHORT) solve_tail(settings, start, parameters, work->guess, work, result);
     result->status = GBT_NUMERICAL_FAILURE;
     do {
         gbt_result found = *result;
@@ -108,17 +108,18 @@ gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const 
         result->starts++;
 
         /* Of several unfinished starts the cheapest is kept; its limits are weighed as at first. */
-        gbt_weigh_limits(work, settings->limit_weight);
+        gbt_weigh_limits(work, settings->limit_weight, settings->limit_weight);
         const gbt_real cost = work->f + gbt_penalty(work);
-        if (status <= GBT_LIMIT_VIOLATED || cost < cheapest) {
+        const int found_one = status <= GBT_LIMIT_VIOLATED || status == GBT_GIVEN_UP;
+        if (found_one || cost < cheapest) {
             cheapest = cost;
-            result->status = status <= GBT_LIMIT_VIOLATED ? status : GBT_ITERATION_LIMIT;
+            result->status = found_one ? status : GBT_ITERATION_LIMIT;
             result->residual = found.residual;
-            result->violation = gbt_worst_side(work, 0);
+            result->violation = gbt_worst_side(work, GBT_ALL);
             result->objective = -work->f;
             store(work, 0, u);
         }
         coast_aside(start, work->guess);
-    } while (status > GBT_LIMIT_VIOLATED && result->starts < STARTS && result->iterations < settings->deadline);
+    } while (status > GBT_LIMIT_VIOLATED && status != GBT_GIVEN_UP && result->starts < STARTS && result->iterations < settings->deadline);
     return result->status;
 }

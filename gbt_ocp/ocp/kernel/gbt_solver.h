@@ -2,6 +2,8 @@
 
    The problem itself (sizes, limits, derivatives) is generated: gbt_problem.h and gbt_problem.c. The kernel allocates
    nothing, recurses nowhere, keeps nothing between calls outside the workspace, and calls only libm. */
+#include "gbt_identity.h"
+
 #ifndef GBT_SOLVER_H
 #define GBT_SOLVER_H
 
@@ -24,11 +26,12 @@ GBT_BEGIN_C
 
 typedef enum {
     GBT_SOLVED = 0,
-    GBT_LIMIT_VIOLATED = 1,    /* solved, but the limits cannot all be kept: the plan of least violation */
+    GBT_LIMIT_VIOLATED = 1,    /* no plan keeps the thrust limits: the one of least violation */
     GBT_ITERATION_LIMIT = 2,   /* out of iterations; the iterate is finite and can be judged by its violation */
     GBT_NOT_FINITE = 3,        /* an input is NaN or infinite; nothing was done */
     GBT_NUMERICAL_FAILURE = 4, /* no usable iterate */
-    GBT_BROKEN_BETWEEN_NODES = 5 /* of a plan: solved, but its first piece breaks a limit between the nodes */
+    GBT_BROKEN_BETWEEN_NODES = 5, /* of a plan: solved, but its first piece breaks a thrust limit between the nodes */
+    GBT_GIVEN_UP = 6           /* solved; thrust is kept, and other limits had to give: the plan of least violation */
 } gbt_status;
 
 typedef struct {
@@ -37,9 +40,10 @@ typedef struct {
     gbt_real feasibility;    /* a hard limit counts as kept up to this, in units of the limit */
     gbt_real barrier;        /* mu at a cold start */
     gbt_real warm_barrier;   /* mu at a warm start: the longer the horizon, the nearer the shifted plan is to optimal */
-    gbt_real limit_weight;   /* c of the hard limits: the l1 penalty is exact while multipliers stay below it */
+    gbt_real limit_weight;   /* unit of the weights of hard limits: an l1 penalty is exact while multipliers stay below
+                                its weight */
     int iterations;          /* of one start, before another one is tried */
-    int deadline;            /* of all starts together */
+    int deadline;            /* of all starts together, and of all attempts of a step */
 } gbt_settings;
 
 typedef struct {
@@ -78,10 +82,15 @@ typedef struct {
     gbt_real guess[GBT_PIECES * GBT_FREE];
     int pieces, count; /* of the part of the horizon that is being solved: pieces, and sides of their limits */
     const gbt_real *parameters, *moving;
-    gbt_real tightening, f, f_trial;
+    gbt_real tightening[GBT_LIMITS + 1], f, f_trial;
 } gbt_workspace;
 
+/* What a guess is: anything; the rest of a plan, optimal nearly everywhere but at its end; or the solution of the same
+   instance with another tightening. */
+enum { GBT_COLD_START = 0, GBT_WARM = 1, GBT_AGAIN = 2 };
+
 /* GBT_DEFAULT_SETTINGS: the options with which the planner was generated. */
+#define gbt_default_settings GBT_NAME(gbt_default_settings)
 void gbt_default_settings(gbt_settings *settings);
 
 /* Size of the workspace in bytes, for callers that do not see the struct. */
@@ -92,11 +101,11 @@ size_t gbt_workspace_bytes(void);
    start        continuous derivatives of the flat output, itself first, GBT_JOINED x GBT_FLAT
    parameters   of the objective, GBT_PIECES x GBT_PARAMETERS, then of the limits at the boundaries of the pieces,
                 (GBT_PIECES + 1) x GBT_MOVING
-   tightening   moves every bound inwards, in units of the limits
-   warm         whether the guess is near a solution
+   tightening   of each limit, GBT_LIMITS: moves its bounds inwards, in units of the limit
+   warm         GBT_COLD_START, GBT_WARM or GBT_AGAIN
    u            GBT_PIECES x GBT_FREE: in, the guess; out, the solution; what is free in a piece over gbt_input_scale */
 gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,
-                     gbt_real tightening, int warm, gbt_real *u, gbt_workspace *work, gbt_result *result);
+                     const gbt_real *tightening, int warm, gbt_real *u, gbt_workspace *work, gbt_result *result);
 
 GBT_END_C
 

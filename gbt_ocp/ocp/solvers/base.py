@@ -6,8 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
+from numpy.typing import ArrayLike
+
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.typing import Array
+
+OUT_OF_ITERATIONS = ("iteration limit", "Maximum_Iterations_Exceeded")
+"""Status of a solution that is an iterate like others when the iterations were spent, and can be judged."""
+
+GIVEN_UP = "given up"
+"""Status where the thrust limits are kept and others had to give."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +27,7 @@ class Solution:
     variables
         u ``(p, n)``, the scaled L-th derivatives of the pieces; may be anything where ``solved`` is false.
     solved
-        Whether the solver met its tolerance.
+        Whether the solver met its tolerance and the solution keeps the thrust limits at the nodes.
     status
         ``solved``, or the solver's own word for what happened.
     iterations
@@ -30,6 +38,65 @@ class Solution:
     solved: bool
     status: str
     iterations: int
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a planner, with all its attempts.
+
+    Attributes
+    ----------
+    top
+        What is free in the pieces ``(p, freedoms)``.
+    status
+        ``solved`` or ``given up``, or the word for what happened to the first attempt.
+    fallback
+        ``""`` for the first attempt's plan, ``shifted``, ``cold``, ``unfinished`` or ``braking``.
+    iterations
+        Of all attempts.
+    tightened
+        How often limits were tightened.
+    piece_violation
+        Worst violation of the judged limits in each piece, on the fine grid and in their units, at least 0 ``(p,)``.
+    given_up
+        Worst violation of each constraint that had to give, 0 of the others, in its unit.
+    broken_at_start
+        How far each constraint is broken where the plan begins and no plan can change it, in its unit.
+    """
+
+    top: Array
+    status: str
+    fallback: str
+    iterations: int
+    tightened: int
+    piece_violation: Array
+    given_up: Array
+    broken_at_start: Array
+
+
+@runtime_checkable
+class PlansSteps(Protocol):
+    """What takes a planner's step: a solver that brings its own, or the ladder around one that does not."""
+
+    def plan(
+        self,
+        start: Array,
+        objectives: Sequence[Array],
+        limits: Sequence[Array],
+        previous: Array | None,
+        data: Mapping[str, Any],
+    ) -> Step:
+        """Plan from a start.
+
+        Parameters
+        ----------
+        start, objectives, limits
+            As of :meth:`Solver.solve`.
+        previous
+            What was free in the pieces of the previous plan ``(p, freedoms)``, if there is one.
+        data
+            What the parameters were made of.
+        """
 
 
 class Solver(Protocol):
@@ -46,7 +113,7 @@ class Solver(Protocol):
         guess: Array,
         *,
         cold: bool,
-        tightening: float,
+        tightening: ArrayLike = 0.0,
         limits: Sequence[Array] = (),
     ) -> Solution:
         """Solve from a guess u ``(p, n)``.
@@ -62,7 +129,7 @@ class Solver(Protocol):
         cold
             Whether the guess is a mere start and not the shifted solution of the step before.
         tightening
-            Moves every bound inwards, in units of the limits.
+            Moves bounds inwards, in units of the limits: one number a constraint, or one for all.
         limits
             Parameters of each constraint, one knot a column ``(size, p+1)``; needed where any has some.
         """

@@ -8,18 +8,34 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.check import FINE_POINTS
-from gbt_ocp.ocp.codegen.library import build_library, kernel_files
+from gbt_ocp.ocp.codegen.library import kernel_files, load_library
 from gbt_ocp.ocp.codegen.options import CompiledOptions
-from gbt_ocp.ocp.codegen.problem_source import generate_problem
+from gbt_ocp.ocp.codegen.problem_source import from_moments, generate_problem
 from gbt_ocp.ocp.problem_data import ProblemData
-from gbt_ocp.ocp.solvers.base import Solution
+from gbt_ocp.ocp.solvers.base import GIVEN_UP, Solution, Step
 from gbt_ocp.ocp.trajectory import FlatTrajectory
+from gbt_ocp.ocp.transcription import limit_size
 from gbt_ocp.typing import Array
 
-STATUSES = ("solved", "limit violated", "iteration limit", "input not finite", "numerical failure")
+STATUSES = (
+    "solved",
+    "limit violated",
+    "iteration limit",
+    "input not finite",
+    "numerical failure",
+    "limits broken between nodes",
+    GIVEN_UP,
+)
 """What the exit codes of the kernel are called."""
+
+ORIGINS = ("", "shifted", "cold", "braking", "no plan", "unfinished")
+"""What the origins of a plan are called."""
+
+PROFILE = 5
+"""Points of the thrust profile of every piece in a result."""
 
 
 class _Settings(ctypes.Structure):
@@ -85,16 +101,18 @@ class CompiledSolver:
     def __init__(self, problem: ProblemData, options: Mapping[str, Any]) -> None:
         self._made_from = (problem, dict(options))
         self._settings = _Settings(**asdict(CompiledOptions.checked(options, problem.pieces)))
-        self.library = build_library(kernel_files() | generate_problem(problem).files)
-        kernel = ctypes.CDLL(str(self.library))
+        kernel = load_library(kernel_files() | generate_problem(problem).files)
         kernel.gbt_workspace_bytes.restype = ctypes.c_size_t
         self._workspace = np.zeros(kernel.gbt_workspace_bytes() // 8 + 1)
         numbers = ctypes.c_void_p
         arrays_before, arrays_after = [numbers] * 3, [numbers] * 3
-        kernel.gbt_solve.argtypes = [*arrays_before, ctypes.c_double, ctypes.c_int, *arrays_after]
+        kernel.gbt_solve.argtypes = [*arrays_before, numbers, ctypes.c_int, *arrays_after]
         self._solve = kernel.gbt_solve
         kernel.gbt_check.argtypes = [numbers, numbers, ctypes.c_int, ctypes.c_int, numbers, numbers]
         self._check = kernel.gbt_check
+        self._problem = problem
+        self._limits = len(problem.constraints)
+        self._prepare_steps(kernel)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A loaded library does not pickle; it is found again in the cache, or compiled, where the solver arrives.
@@ -117,19 +135,21 @@ class CompiledSolver:
         guess: Array,
         *,
         cold: bool,
-        tightening: float = 0.0,
+        tightening: ArrayLike = 0.0,
         limits: Sequence[Array] = (),
     ) -> CompiledSolution:
         """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.base.Solver.solve`."""
         begin = np.ascontiguousarray(start, dtype=float)
         parameters = np.concatenate([np.vstack(list(objectives)).T.ravel(), _moving(limits)])
         variables = np.array(guess, dtype=float, order="C")
+        inside = np.zeros(self._limits + 1)
+        inside[: self._limits] = tightening
         result = _Result()
         self._solve(
             ctypes.byref(self._settings),
             begin.ctypes.data,
             parameters.ctypes.data,
-            tightening,
+            inside.ctypes.data,
             not cold,
             variables.ctypes.data,
             self._workspace.ctypes.data,
@@ -137,13 +157,73 @@ class CompiledSolver:
         )
         return CompiledSolution(
             variables=variables,
-            solved=result.status == 0,
+            solved=STATUSES[result.status] in ("solved", GIVEN_UP),
             status=STATUSES[result.status],
             iterations=result.iterations,
             starts=result.starts,
             residual=result.residual,
             violation=result.violation,
             objective=result.objective,
+        )
+
+    def _prepare_steps(self, kernel: ctypes.CDLL) -> None:
+        """The planner around the solver: its memory, its result and its two entries."""
+        problem, n = self._problem, self._problem.vehicle.flat_dimension
+        p, free, inputs = problem.pieces, problem.freedoms, len(problem.vehicle.thrust_max)
+        number, whole = ctypes.c_double, ctypes.c_int
+
+        class Result(ctypes.Structure):
+            _fields_ = [
+                *((name, whole) for name in ("status", "origin", "iterations", "tightened")),
+                *((name, number) for name in ("objective", "violation")),
+                ("piece_violation", number * p),
+                *((name, number * (self._limits + 1)) for name in ("given_up", "broken_at_start")),
+                ("top", number * (p * free)),
+                *((name, number * (p * n)) for name in ("endpoints", "rates")),
+                ("thrust", number * (p * PROFILE * inputs)),
+            ]
+
+        class Memory(ctypes.Structure):
+            _fields_ = [("settings", _Settings), ("warm", whole), ("previous", number * (p * free))]
+
+        kernel.gbt_planner_bytes.restype = ctypes.c_size_t
+        self._memory = np.zeros(kernel.gbt_planner_bytes() // 8 + 1)
+        self._state_of_planner = Memory.from_buffer(self._memory.data)
+        self._state_of_planner.settings = self._settings
+        self._result_of_step = Result
+        pointer = ctypes.c_void_p
+        self._from_moments = from_moments(problem)
+        self._plan = kernel.gbt_plan if self._from_moments else kernel.gbt_plan_parameters
+        self._plan.argtypes = [pointer] * (6 if self._from_moments else 4)
+
+    def plan(
+        self,
+        start: Array,
+        objectives: Sequence[Array],
+        limits: Sequence[Array],
+        previous: Array | None,
+        data: Mapping[str, Any],
+    ) -> Step:
+        """The step that the generated C takes; see :class:`gbt_ocp.ocp.solvers.base.PlansSteps`."""
+        memory, result = self._state_of_planner, self._result_of_step()
+        memory.warm = previous is not None
+        if previous is not None:
+            memory.previous[:] = np.asarray(previous, dtype=float).ravel().tolist()
+        if self._from_moments:
+            arrays = list(moments_of_step(self._problem, data).values())
+        else:
+            arrays = [np.concatenate([np.vstack(list(objectives)).T.ravel(), _moving(limits)])]
+        arrays = [np.ascontiguousarray(values, dtype=float) for values in (start, *arrays)]
+        self._plan(self._memory.ctypes.data, *(values.ctypes.data for values in arrays), ctypes.byref(result))
+        return Step(
+            top=np.array(result.top).reshape(self._problem.pieces, self._problem.freedoms),
+            status=STATUSES[result.status],
+            fallback=ORIGINS[result.origin],
+            iterations=result.iterations,
+            tightened=result.tightened,
+            piece_violation=np.array(result.piece_violation),
+            given_up=np.array(result.given_up)[: self._limits],
+            broken_at_start=np.array(result.broken_at_start)[: self._limits],
         )
 
     def check(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
@@ -156,6 +236,26 @@ class CompiledSolver:
             start.ctypes.data, top.ctypes.data, len(top), FINE_POINTS, moving.ctypes.data, violation.ctypes.data
         )
         return violation
+
+
+def moments_of_step(problem: ProblemData, data: Mapping[str, Any]) -> dict[str, Array]:
+    """``mean``, ``covariance`` and ``desired`` as the generated step takes them, from the data of a solve.
+
+    Where limits depend on the target, the present moments come before those at the endpoints. What no objective asks
+    for may be missing and is zero.
+    """
+    p, d = problem.pieces, problem.vehicle.position_dimension
+    present = any(limit_size(constraint) for constraint in problem.constraints)
+    found = {}
+    for name, shape in (("mean", (d,)), ("covariance", (d, d))):
+        ahead = np.zeros((p, *shape)) if data.get("forecast") is None else getattr(data["forecast"], name)
+        found[name] = np.asarray(ahead, dtype=float)[:p]
+        if present:
+            found[name] = np.concatenate([np.asarray(getattr(data["present"], name), dtype=float)[None], found[name]])
+    desired = data.get("desired")
+    found["desired"] = np.zeros((p, d)) if desired is None else np.asarray(desired, dtype=float)[:p]
+    # what is needed was found finite when the parameters were bound
+    return {name: np.where(np.isfinite(values), values, 0.0) for name, values in found.items()}
 
 
 def _moving(limits: Sequence[Array]) -> Array:

@@ -8,6 +8,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.problem_data import ProblemData
@@ -124,9 +125,11 @@ class IpoptSolver:
             self._excess = ca.Function("excess", inputs, [program.excess, program.width])
         nlp = program.elastic_nlp if self._elastic else program.nlp
         self._solver = ipopt_function(nlp, own)
+        self._giving = program.giving
+        self._values = ca.Function("limits", [program.variables, program.parameters], [program.limits])
         free = np.full(program.variables.numel(), np.inf)
         none = np.full(self._slacks, np.inf)
-        self._least = np.concatenate([-free, np.zeros(self._slacks), -none])
+        self._least = np.concatenate([-free, np.zeros(self._slacks), -none, np.zeros(len(self._giving))])
         self._unbounded = none
 
     def _solve_once(
@@ -135,11 +138,11 @@ class IpoptSolver:
         objectives: Sequence[Array],
         guess: Array,
         stage: Sequence[tuple[float, float]],
-        tightening: float,
+        tightening: ArrayLike,
         limits: Sequence[Array],
     ) -> Solution:
         program = self._program
-        inside = tightening * program.scale
+        inside = program.inward(tightening)
         if np.any(program.lower + inside > program.upper - inside):
             return Solution(guess, False, "limits tightened away", 0)
         parameters = self._binding.vector(start, objectives, stage, tightening, limits)
@@ -148,12 +151,19 @@ class IpoptSolver:
             excess, width = (np.asarray(part).ravel() for part in self._excess(first, parameters))
             square = np.clip(excess + width, 0.0, 2.0 * width)
             first = np.concatenate([first, np.maximum(excess + width - square, 0.0), square])
+        lower, upper = program.lower + inside, program.upper - inside
+        least, most = lower.copy(), np.full(len(self._giving), np.inf)
+        if self._giving:
+            values = np.asarray(self._values(guess.ravel(), parameters)).ravel()
+            slack = np.maximum(np.maximum(values - upper, lower - values) / program.scale, 0.0)
+            first = np.concatenate([first, slack[self._giving]])
+            least[self._giving] = -np.inf
         found = self._solver(
             x0=first,
             p=parameters,
             lbx=self._least,
-            lbg=np.concatenate([program.lower + inside, np.zeros(self._slacks)]),
-            ubg=np.concatenate([program.upper - inside, self._unbounded]),
+            lbg=np.concatenate([least, np.zeros(self._slacks), lower[self._giving]]),
+            ubg=np.concatenate([upper, self._unbounded, most]),
         )
         return solution_of(self._solver, found, guess.shape)
 
@@ -164,7 +174,7 @@ class IpoptSolver:
         guess: Array,
         *,
         cold: bool,
-        tightening: float = 0.0,
+        tightening: ArrayLike = 0.0,
         limits: Sequence[Array] = (),
     ) -> Solution:
         """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.base.Solver.solve`."""
@@ -187,7 +197,7 @@ class IpoptSolver:
         guess: Array,
         stages: Sequence[Sequence[tuple[float, float]]],
         *,
-        tightening: float = 0.0,
+        tightening: ArrayLike = 0.0,
         limits: Sequence[Array] = (),
     ) -> Solution:
         """Solve with the penalties' (ϖ, w_p) of each stage in turn, from the solution of the one before.

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.check import FINE_POINTS, LimitCheck
@@ -108,7 +109,7 @@ class ExchangeIpoptSolver:
         guess: Array,
         *,
         cold: bool,
-        tightening: float = 0.0,
+        tightening: ArrayLike = 0.0,
         limits: Sequence[Array] = (),
     ) -> Solution:
         """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.base.Solver.solve`."""
@@ -142,11 +143,11 @@ class ExchangeIpoptSolver:
         start: Array,
         objectives: Sequence[Array],
         guess: Array,
-        tightening: float,
+        tightening: ArrayLike,
         limits: Sequence[Array],
     ) -> Solution:
         program = self._program
-        inside = tightening * program.scale
+        inside = program.inward(tightening)
         added, lower, upper = self._added(times, tightening)
         found = self._solver(
             x0=guess.ravel(),
@@ -156,7 +157,7 @@ class ExchangeIpoptSolver:
         )
         return solution_of(self._solver, found, guess.shape)
 
-    def _added(self, times: Array, tightening: float) -> tuple[Array, Array, Array]:
+    def _added(self, times: Array, tightening: ArrayLike) -> tuple[Array, Array, Array]:
         """Parameters that place the added nodes, and the bounds there; unused nodes have none."""
         pieces, period = self._problem.pieces, self._problem.period
         weights = np.zeros((self._orders, 3 * self._nodes))
@@ -167,8 +168,10 @@ class ExchangeIpoptSolver:
             share = time / period - piece
             shares[piece : piece + 2, number] = 1.0 - share, share
             weights[:, number :: self._nodes] = self._coefficients(piece, share * period)
-        lower, upper, inside = [], [], tightening + MARGIN
-        for low, high, unit in zip(self._lower, self._upper, self._unit, strict=True):
+        lower, upper = [], []
+        tightened = np.broadcast_to(tightening, len(self._unit))
+        for low, high, unit, own in zip(self._lower, self._upper, self._unit, tightened, strict=True):
+            inside = own + MARGIN
             lower.append(np.where(used[:, None], low + inside * unit, -np.inf).ravel())
             upper.append(np.where(used[:, None], high - inside * unit, np.inf).ravel())
         added = np.concatenate([weights.ravel(order="F"), shares.ravel(order="F")])
@@ -222,7 +225,7 @@ class DoublingCompiledSolver:
         guess: Array,
         *,
         cold: bool,
-        tightening: float = 0.0,
+        tightening: ArrayLike = 0.0,
         limits: Sequence[Array] = (),
     ) -> Solution:
         """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.base.Solver.solve`."""

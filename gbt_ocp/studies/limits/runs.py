@@ -41,7 +41,7 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
         seed=configuration.seed,
         settling=SETTLING_S,
         wall_s=perf_counter() - began,
-        solver_first_try=(history.solver_status == "solved") & (history.fallback == ""),
+        solver_first_try=history.answered & (history.fallback == ""),
         retries={"tightened": recording.tightened, "nugget": recording.nugget_retries, "clipped": recording.clipped},
         versions=installed_versions(),
     )

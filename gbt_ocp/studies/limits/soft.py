@@ -13,6 +13,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.codegen.options import CompiledOptions
@@ -73,13 +74,14 @@ class SoftIpoptSolver:
         guess: Array,
         *,
         cold: bool,
-        tightening: float = 0.0,
+        tightening: ArrayLike = 0.0,
         limits: Sequence[Array] = (),
     ) -> Solution:
         """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.base.Solver.solve`."""
         program = self._program
         parameters = self._binding.vector(start, objectives, [], tightening, limits)
-        upper, lower = program.upper - tightening * program.scale, program.lower + tightening * program.scale
+        inside = program.inward(tightening)
+        upper, lower = program.upper - inside, program.lower + inside
         values = np.asarray(self._limits(guess.ravel(), parameters)).ravel()
         slack = np.maximum(np.maximum(values - upper, lower - values) / program.scale, 0.0)
         none = np.full(len(upper), np.inf)
@@ -118,7 +120,7 @@ class SoftCompiledSolver:
         guess: Array,
         *,
         cold: bool,
-        tightening: float = 0.0,
+        tightening: ArrayLike = 0.0,
         limits: Sequence[Array] = (),
     ) -> Solution:
         """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.base.Solver.solve`."""

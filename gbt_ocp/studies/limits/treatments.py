@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.schema import Configuration
@@ -48,7 +50,7 @@ class StagedPenalty:
         guess: Array,
         *,
         cold: bool,
-        tightening: float = 0.0,
+        tightening: ArrayLike = 0.0,
         limits: Sequence[Array] = (),
     ) -> Solution:
         """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.base.Solver.solve`."""

@@ -9,6 +9,7 @@ from time import perf_counter
 
 import numpy as np
 
+from gbt_ocp.experiments.build.loop import build_sensor
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.sweep.carry_out import Sweep
@@ -185,7 +186,7 @@ def _replayed(
     kept = count = 0
     for t, bearing, detected, pose, error in zip(*(done.arrays(rows, name) for name in names), strict=True):
         own = pose[:, : configuration.dimension]
-        trackers = build_tracker(configuration, own[0]), build_tracker(plain, own[0])
+        trackers = tuple(build_tracker(one.tracker, own[0], build_sensor(one)) for one in (configuration, plain))
         period, steps = configuration.sensor.period_s, np.arange(error.shape[1])
         for k in range(len(t)):
             elapsed = []
@@ -198,7 +199,7 @@ def _replayed(
             times.append((elapsed[0], elapsed[1]))
             first = trackers[0]
             if isinstance(first, CoregionalizedTracker) and t[k] >= SETTLING - 1e-6:
-                bound = first.printed_bound(t[k] + period * steps, configuration.tracker.bound_delta)  # type: ignore[union-attr]
+                bound = first.printed_bound(t[k] + period * steps, configuration.tracker.bound_delta)  # type: ignore[attr-defined]
                 kept, count = kept + bool(np.all(error[k] <= bound)), count + 1
     ratio = np.median([one for one, _ in times]) / np.median([other for _, other in times])
     return Replay(float(ratio), (kept, count))

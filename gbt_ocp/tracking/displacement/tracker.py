@@ -20,9 +20,10 @@ from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
 from gbt_ocp.tracking.displacement.fit import Anchor, Mixture, MotionFit, Node, Solution, grid
 from gbt_ocp.tracking.displacement.hypotheses import Hypothesis, MotionPriors, range_hypotheses
 from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS
-from gbt_ocp.tracking.displacement.rows import BearingRows, linearised
+from gbt_ocp.tracking.displacement.rows import BearingRows, linearised, tail_weights
 from gbt_ocp.tracking.gp.posterior import Hyperparameters
 from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.priors import PositionPrior
 from gbt_ocp.tracking.protocol import Forecast, relative_range_std
 from gbt_ocp.tracking.window import Window, checked_sample
 from gbt_ocp.typing import Array
@@ -50,7 +51,6 @@ LOST = 9.0
 
 GROSS = 16.0
 """Largest share of one innovation in that mean: no single outlier makes a lost track."""
-
 
 STRAY = 4.0
 """Deviations from its bin's median beyond which a bearing is left out, where bearings are binned."""
@@ -82,10 +82,8 @@ class NoisyGaussianProcessTracker:
         Degrees of freedom of a Student-t likelihood that lets outliers go; ``None`` is Gaussian.
     linearisations
         Times the window is linearised an update.
-    prior_position, prior_covariance
-        What is known of the position at the first bearing: ``(d,)`` in m and ``(d, d)`` in m².
-    start
-        Stands for the vehicle's position until the first bearing ``(d,)``.
+    prior
+        What is known of the position at the first bearing; by default nothing, with the vehicle at the origin.
 
     Raises
     ------
@@ -106,9 +104,7 @@ class NoisyGaussianProcessTracker:
         hyperparameters: Literal["averaged", "maximum"] = "averaged",
         tails: float | None = None,
         linearisations: int = 2,
-        prior_position: ArrayLike | None = None,
-        prior_covariance: ArrayLike | None = None,
-        start: ArrayLike | None = None,
+        prior: PositionPrior | None = None,
     ) -> None:
         if kernel not in DISPLACEMENT_KERNELS:
             raise ValueError(f"kernel: found {kernel!r}; allowed: {', '.join(DISPLACEMENT_KERNELS)}")
@@ -116,8 +112,6 @@ class NoisyGaussianProcessTracker:
             raise ValueError(f"linearisations: found {linearisations}; allowed: a whole number >= 1")
         if tails is not None and not tails > 0.0:
             raise ValueError(f"tails: found {tails}; allowed: None or a number > 0")
-        if (prior_position is None) != (prior_covariance is None):
-            raise ValueError("prior_position and prior_covariance are needed together")
         self.dimension = dimension
         self.restarts = 0
         """How often a lost track was begun again."""
@@ -131,12 +125,8 @@ class NoisyGaussianProcessTracker:
         self._averaged = hyperparameters == "averaged"
         self._tails = tails
         self._linearisations = linearisations
-        self._known = (
-            None
-            if prior_position is None or prior_covariance is None
-            else (np.array(prior_position, dtype=float), np.array(prior_covariance, dtype=float))
-        )
-        self._start = np.zeros(dimension) if start is None else np.array(start, dtype=float)
+        self._prior = PositionPrior(np.zeros(dimension)) if prior is None else prior
+        self._known = self._prior.known
         self._log_factor = 0.0
         self._hypotheses: list[Hypothesis] = []
         self._anchor_time = 0.0
@@ -303,20 +293,13 @@ class NoisyGaussianProcessTracker:
     def _trust(
         self, rows: BearingRows, last: tuple[MotionFit, Solution] | None, samples: BinnedBearings, node: Node
     ) -> Array:
-        """Weights of the rows under heavy tails, from the expected squares of their residuals (EM)."""
+        """Weights of the rows; ones without heavy tails, or without a fit that says what is expected."""
         if self._tails is None or last is None:
             return np.ones(len(rows.values))
-        covariance = last[0].predict(last[1], samples.times).covariance[rows.sample]
-        across = np.einsum("ri,rij,rj->r", rows.directions, covariance, rows.directions)
-        variance = node.white_variance + (self._noise.own_std / rows.ranges) ** 2
-        square = rows.residuals**2 * samples.counts[rows.sample] / variance
-        predicted = across * samples.counts[rows.sample] / (rows.ranges**2 * variance)
-        # a sample that the last fit has not seen is compared with its prediction
-        unseen = samples.times[rows.sample] > last[0].samples.times[-1]
-        expected = np.where(unseen, square / (1.0 + predicted), square + predicted)
-        size = self.dimension - 1
-        total = expected.reshape(-1, size).sum(axis=1)
-        return np.repeat((self._tails + size) / (self._tails + total), size)
+        fit, solution = last
+        covariance = fit.predict(solution, samples.times).covariance
+        unseen = samples.times > fit.samples.times[-1]
+        return tail_weights(rows, samples, covariance, unseen, node.white_variance, self._noise.own_std, self._tails)
 
     def _judge_range(self, samples: BinnedBearings) -> None:
         """Decide whether range is observable at the oldest sample, where the manoeuvres since have told most of it."""
@@ -344,10 +327,8 @@ class NoisyGaussianProcessTracker:
         at = np.asarray(times, dtype=float)
         if self._mixture is not None:
             return self._mixture.predict(at)
-        if self._known is not None:
-            mean, covariance = self._known
-        else:
-            mean, covariance = self._start, self._priors.range.median**2 * np.eye(self.dimension)
+        nothing = self._prior.start, self._priors.range.median**2 * np.eye(self.dimension)
+        mean, covariance = self._known or nothing
         return Forecast(np.tile(mean, (len(at), 1)), np.tile(covariance, (len(at), 1, 1)))
 
     @property

@@ -16,7 +16,7 @@ from gbt_ocp.models.bearings import log_map, tangent_basis
 from gbt_ocp.tracking.filters.imm import ImmTracker, InteractingMultipleModel
 from gbt_ocp.tracking.filters.kalman import predicted, updated
 from gbt_ocp.tracking.filters.motion_models import constant_velocity
-from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.priors import RangedPrior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import checked_sample
 from gbt_ocp.typing import Array
@@ -64,7 +64,7 @@ class FirstGuess:
         Standard deviation of each component of the velocity in m/s.
     """
 
-    prior: PositionPrior
+    prior: RangedPrior
     range_std: float
     speed_std: float
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from gbt_ocp.tracking.filters.kalman import predicted, updated
 from gbt_ocp.tracking.filters.motion_models import constant_acceleration, constant_velocity, coordinated_turn, turn_rate
 from gbt_ocp.tracking.filters.plkf import pseudo_linear, pseudo_noise
-from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.priors import RangedPrior
 from gbt_ocp.tracking.protocol import Forecast, mixed
 from gbt_ocp.tracking.window import checked_sample
 from gbt_ocp.typing import Array
@@ -150,7 +150,7 @@ class InteractingMultipleModel:
 class ImmTracker:
     """What both trackers share: the models, the time of the latest measurement, and the forecast."""
 
-    def __init__(self, prior: PositionPrior, models: InteractingMultipleModel) -> None:
+    def __init__(self, prior: RangedPrior, models: InteractingMultipleModel) -> None:
         self.models = models
         self._prior = prior
         self._time: float | None = None
@@ -185,7 +185,7 @@ class ImmPseudoLinearTracker(ImmTracker):
     """
 
     def __init__(
-        self, prior: PositionPrior, models: InteractingMultipleModel, *, bearing_std: float, initial_variance: float
+        self, prior: RangedPrior, models: InteractingMultipleModel, *, bearing_std: float, initial_variance: float
     ) -> None:
         if not bearing_std > 0.0:
             raise ValueError(f"bearing_std: found {bearing_std}; allowed: a number > 0")
@@ -220,7 +220,7 @@ class ImmPositionTracker(ImmTracker):
         σ_p in metres, of the measured position on each axis.
     """
 
-    def __init__(self, prior: PositionPrior, models: InteractingMultipleModel, *, position_std: float) -> None:
+    def __init__(self, prior: RangedPrior, models: InteractingMultipleModel, *, position_std: float) -> None:
         if not position_std > 0.0:
             raise ValueError(f"position_std: found {position_std}; allowed: a number > 0")
         super().__init__(prior, models)
@@ -241,8 +241,6 @@ class ImmPositionTracker(ImmTracker):
             raise ValueError(f"time must increase, found {time} after {self._time}")
         d = len(value)
         noise = self.position_std**2 * np.eye(d)
-        mean, covariance = self._prior.mean, self._prior.covariance
-        known = (value, noise) if mean is None or covariance is None else (mean, covariance)
-        self._advance(time, lambda: known)
+        self._advance(time, lambda: self._prior.known or (value, noise))
         observation = np.eye(d, self.models.means.shape[1])
         self.models.correct(observation, np.tile(noise, (len(MODES), 1, 1)), value)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.priors import RangedPrior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import checked_sample
 
@@ -44,7 +44,7 @@ class OrthogonalityTracker:
         If a gain is out of range.
     """
 
-    def __init__(self, prior: PositionPrior, *, position_gain: float, velocity_gain: float = 0.0) -> None:
+    def __init__(self, prior: RangedPrior, *, position_gain: float, velocity_gain: float = 0.0) -> None:
         if not position_gain > 0.0:
             raise ValueError(f"position_gain: found {position_gain}; allowed: a number > 0")
         if not velocity_gain >= 0.0:

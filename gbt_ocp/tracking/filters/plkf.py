@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from gbt_ocp.models.bearings import tangent_basis
 from gbt_ocp.tracking.filters.kalman import predicted, updated
 from gbt_ocp.tracking.filters.motion_models import constant_velocity
-from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.priors import RangedPrior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import checked_sample
 from gbt_ocp.typing import Array
@@ -67,7 +67,7 @@ class PseudoLinearKalmanFilter:
 
     def __init__(
         self,
-        prior: PositionPrior,
+        prior: RangedPrior,
         *,
         initial_variance: float,
         process_noise: float,

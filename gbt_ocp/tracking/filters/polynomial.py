@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import ArrayLike
 
-from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.priors import RangedPrior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import Window
 from gbt_ocp.typing import Array
@@ -47,7 +47,7 @@ class PolynomialRegression:
         If a parameter is out of range.
     """
 
-    def __init__(self, prior: PositionPrior, *, window: int, span: float, order: int, ridge: float) -> None:
+    def __init__(self, prior: RangedPrior, *, window: int, span: float, order: int, ridge: float) -> None:
         if order < 0 or not (span > 0.0 and ridge > 0.0):
             raise ValueError(
                 f"order, span and ridge: found {order}, {span}, {ridge}; allowed: a number >= 0, numbers > 0"

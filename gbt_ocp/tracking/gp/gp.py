@@ -11,6 +11,7 @@ from gbt_ocp.tracking.gp.bounds import bearing_bound
 from gbt_ocp.tracking.gp.posterior import Hyperparameters, Posterior, condition
 from gbt_ocp.tracking.gp.tuning import IsotropicTuning, checked_nugget, kernel_named
 from gbt_ocp.tracking.gp.windowed import WindowedTracker
+from gbt_ocp.tracking.priors import PositionPrior
 from gbt_ocp.tracking.window import Measurements
 from gbt_ocp.typing import Array
 
@@ -35,11 +36,9 @@ class GaussianProcessTracker(WindowedTracker[Posterior]):
         A value to keep (s, m), or ``None`` to maximise the likelihood at every update.
     nugget
         Variance of a measurement relative to the amplitude squared, or ``None`` to tune it too.
-    prior_position, prior_covariance
-        What is known of the position when the first bearing is taken: mean ``(d,)`` in metres and covariance
-        ``(d, d)`` in m². It counts as a measurement for as long as that bearing is in the window.
-    start
-        Stands for the vehicle's position until the first bearing ``(d,)``.
+    prior
+        What is known of the position when the first bearing is taken; by default nothing, with the vehicle at the
+        origin. It counts as a measurement for as long as that bearing is in the window.
 
     Raises
     ------
@@ -57,18 +56,9 @@ class GaussianProcessTracker(WindowedTracker[Posterior]):
         length_scale: float | None = None,
         amplitude: float | None = None,
         nugget: float | None = None,
-        prior_position: ArrayLike | None = None,
-        prior_covariance: ArrayLike | None = None,
-        start: ArrayLike | None = None,
+        prior: PositionPrior | None = None,
     ) -> None:
-        super().__init__(
-            dimension,
-            window=window,
-            centre=centre,
-            prior_position=prior_position,
-            prior_covariance=prior_covariance,
-            start=start,
-        )
+        super().__init__(dimension, window=window, centre=centre, prior=prior)
         self._kernel = kernel_named(kernel)
         self._tuning = IsotropicTuning(self._kernel, length_scale, amplitude, checked_nugget(nugget))
 

@@ -32,7 +32,7 @@ from gbt_ocp.tracking.gp.tuning import (
     log_bounds,
 )
 from gbt_ocp.tracking.gp.windowed import WindowedTracker
-from gbt_ocp.tracking.priors import LogNormal
+from gbt_ocp.tracking.priors import LogNormal, PositionPrior
 from gbt_ocp.tracking.window import Measurements
 from gbt_ocp.typing import Array
 
@@ -59,7 +59,7 @@ class CoregionalizedTracker(WindowedTracker[CoregionalizedPosterior]):
         A value to keep for all latent functions (s), or ``None`` to tune one for each.
     nugget
         Variance of a measurement relative to the amplitude squared, or ``None`` to tune it too.
-    prior_position, prior_covariance, start
+    prior
         As of :class:`~gbt_ocp.tracking.gp.windowed.WindowedTracker`.
 
     Raises
@@ -77,18 +77,9 @@ class CoregionalizedTracker(WindowedTracker[CoregionalizedPosterior]):
         centre: Literal["origin", "vehicle"] = "vehicle",
         length_scale: float | None = None,
         nugget: float | None = None,
-        prior_position: ArrayLike | None = None,
-        prior_covariance: ArrayLike | None = None,
-        start: ArrayLike | None = None,
+        prior: PositionPrior | None = None,
     ) -> None:
-        super().__init__(
-            dimension,
-            window=window,
-            centre=centre,
-            prior_position=prior_position,
-            prior_covariance=prior_covariance,
-            start=start,
-        )
+        super().__init__(dimension, window=window, centre=centre, prior=prior)
         names = ["se"] * dimension if kernels is None else list(kernels)
         if len(names) < dimension:
             raise ValueError(f"kernels: found {len(names)}; allowed: at least {dimension}")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.tracking.gp.posterior import AnyPosterior
+from gbt_ocp.tracking.priors import PositionPrior
 from gbt_ocp.tracking.protocol import Forecast, JointForecast
 from gbt_ocp.tracking.window import Measurements, Window
 from gbt_ocp.typing import Array
@@ -28,11 +29,9 @@ class WindowedTracker(ABC, Generic[AnyPosterior]):
         N_c, capacity of the window.
     centre
         Prior mean: the earth-fixed ``origin`` as in the paper, or the ``vehicle``'s latest position.
-    prior_position, prior_covariance
-        What is known of the position when the first bearing is taken: mean ``(d,)`` in metres and covariance
-        ``(d, d)`` in m². It counts as a measurement for as long as that bearing is in the window.
-    start
-        Stands for the vehicle's position until the first bearing ``(d,)``.
+    prior
+        What is known of the position when the first bearing is taken; by default nothing, with the vehicle at the
+        origin. It counts as a measurement for as long as that bearing is in the window.
 
     Attributes
     ----------
@@ -51,20 +50,16 @@ class WindowedTracker(ABC, Generic[AnyPosterior]):
         *,
         window: int = 20,
         centre: Literal["origin", "vehicle"] = "vehicle",
-        prior_position: ArrayLike | None = None,
-        prior_covariance: ArrayLike | None = None,
-        start: ArrayLike | None = None,
+        prior: PositionPrior | None = None,
     ) -> None:
         self.dimension = dimension
         self.window = Window(window)
         self._centre_on_vehicle = centre == "vehicle"
+        self._prior = PositionPrior(np.zeros(dimension)) if prior is None else prior
+        self._prior_rows = _rows_of(self._prior)
         self._centre = np.zeros(dimension)
-        if self._centre_on_vehicle and start is not None:
-            self._centre = np.asarray(start, dtype=float)
-        self._prior = self._prior_rows(prior_position, prior_covariance)
-        if prior_position is not None:
-            self._prior_position = np.array(prior_position, dtype=float)
-            self._centre = self._prior_position
+        if self._centre_on_vehicle or self._prior.known is not None:
+            self._centre = self._prior.unseen
         self._prior_time: float | None = None
         self._posterior: AnyPosterior | None = None
         self.nugget_retries = 0
@@ -77,24 +72,13 @@ class WindowedTracker(ABC, Generic[AnyPosterior]):
     def _conditioned(self, measurements: Measurements) -> tuple[AnyPosterior, int]:
         """The posterior under θ, and how often the nugget had to be raised for it."""
 
-    def _prior_rows(self, position: ArrayLike | None, covariance: ArrayLike | None) -> Measurements | None:
-        if position is None:
-            return None
-        if covariance is None:
-            raise ValueError("prior_covariance is needed beside prior_position")
-        values, axes = np.linalg.eigh(np.asarray(covariance, dtype=float))
-        if not np.all(values > 0.0):
-            raise ValueError("prior_covariance must be positive definite")
-        # along its own axes the covariance is diagonal, one row each
-        return Measurements(np.zeros(len(values)), axes.T, axes.T @ np.asarray(position, dtype=float), values)
-
     def _measurements(self) -> Measurements:
         """Rows of the window, with those of the prior position while its time is in it."""
         if not len(self.window):
             rows = Measurements(np.zeros(0), np.zeros((0, self.dimension)), np.zeros(0), np.zeros(0))
         else:
             rows = self.window.measurements()
-        prior = self._prior
+        prior = self._prior_rows
         if prior is None or not self._prior_in_window():
             return rows
         return Measurements(
@@ -120,8 +104,8 @@ class WindowedTracker(ABC, Generic[AnyPosterior]):
         self.window.append(time, bearing, own_position)
         if self._prior_time is None:
             self._prior_time = float(time)
-        if self._prior is not None and self._prior_in_window():
-            self._centre = self._prior_position
+        if self._prior.mean is not None and self._prior_in_window():
+            self._centre = self._prior.mean
         elif self._centre_on_vehicle:
             self._centre = np.array(own_position, dtype=float)
         else:
@@ -153,3 +137,13 @@ class WindowedTracker(ABC, Generic[AnyPosterior]):
         """Posterior covariance of the positions at the times ``(K,)`` with each other, and the nugget's variance."""
         t = np.asarray(times, dtype=float)
         return JointForecast(self.posterior.joint_covariance(t), self.posterior.noise, 0.0)
+
+
+def _rows_of(prior: PositionPrior) -> Measurements | None:
+    """The known position as measurements at time zero."""
+    if prior.known is None:
+        return None
+    position, covariance = prior.known
+    values, axes = np.linalg.eigh(covariance)
+    # along its own axes the covariance is diagonal, one row each
+    return Measurements(np.zeros(len(values)), axes.T, axes.T @ position, values)

@@ -1,0 +1,93 @@
+"""The header of the generated problem: a text with places for its sizes."""
+
+HEADER = """/* Generated: sizes, limits and derivatives of one trajectory problem. */
+#ifndef GBT_PROBLEM_H
+#define GBT_PROBLEM_H
+
+#include "gbt_real.h"
+
+GBT_BEGIN_C
+
+#define GBT_FLAT {flat}              /* n, flat outputs */
+#define GBT_DIMENSION {dimension}         /* d, dimension of the space */
+#define GBT_DEGREE {degree}            /* L, degree of the polynomials */
+#define GBT_JOINED {joined}            /* derivatives 0 .. that a piece takes over from the one before */
+#define GBT_PIECES {pieces}            /* p, pieces of the trajectory */
+#define GBT_PERIOD ((gbt_real){period}) /* T, length of a piece in seconds */
+#define GBT_PARAMETERS {parameters}       /* numbers that the objective needs at each endpoint */
+#define GBT_MOVING {moving}           /* numbers that the path constraints need at each time */
+#define GBT_LIMITS {limits}            /* path constraints */
+#define GBT_COUNT {count}           /* bounds at all nodes: "sides" */
+#define GBT_SIDES {sides}           /* the same, at least 1: for arrays */
+#define GBT_JACOBIANS {jacobians}
+#define GBT_ROWS {rows}              /* values of a constraint at a node, at most */
+#define GBT_ENTRIES {entries}          /* nonzeros of a Hessian at a node, at most */
+#define GBT_INPUTS {inputs}            /* inputs of the vehicle */
+#define GBT_FINE_POINTS {fine}     /* points of a piece at which a finished trajectory is held against its limits */
+#define GBT_MOMENTS {moments}           /* whether the moments of a forecast are all that the problem needs */
+#define GBT_PRESENT {present}           /* 1 where its limits need them at the beginning of the plan too */
+
+/* the default settings of the solver: what a gbt_settings is initialised with */
+#define GBT_DEFAULT_SETTINGS \\
+    {settings}
+
+/* Which limits give for which, the last first, where they cannot all be kept: thrust never, those on what the vehicle
+   knows of itself after those on what it believes of the target. */
+typedef enum {{ GBT_THRUST, GBT_CERTAIN, GBT_BELIEVED }} gbt_limit_class;
+
+/* A function of a point (z, its rate and its acceleration) and of what else it needs. */
+typedef void (*gbt_function)(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *out);
+
+typedef struct {{
+    gbt_function value;    /* (point, parameters) -> term of the objective, to be maximised */
+    gbt_function gradient; /* (point, parameters) -> all entries */
+    gbt_function hessian;  /* (point, parameters, weight) -> nonzeros of the lower triangle, times the weight */
+    int hessian_entries;
+    const int *hessian_row, *hessian_column;
+}} gbt_objective_functions;
+
+/* A constraint in units of its limits, imposed at times k T / intervals of every piece, k = first .. intervals. */
+typedef struct {{
+    int rows, sides, intervals, first, hard;
+    gbt_limit_class kind;
+    int given;                       /* at the start of the trajectory no plan can change it */
+    int judged;                      /* a piece that breaks it is not executed */
+    const int *row;                  /* of each side: which value is bounded, */
+    const gbt_real *sign, *bound;    /* to be kept at sign * value <= bound, */
+    const gbt_real *edge;            /* which may lie within the true limit, */
+    const gbt_real *weight, *width;  /* the weight of a hard limit's class, or that of a penalty at an inner node and
+                                        its half width */
+    gbt_function value;              /* (place) -> values; a place is a point and the GBT_MOVING numbers */
+    gbt_function jacobian;           /* (place) -> nonzeros */
+    gbt_function curvature;          /* (place, first, second) -> Hessian of first'value + J' diag(second) J */
+    int jacobian_entries;
+    const int *jacobian_row, *jacobian_column;
+    int curvature_entries;           /* of the lower triangle */
+    const int *curvature_row, *curvature_column;
+}} gbt_limit;
+
+extern const gbt_real gbt_input_scale[]; /* natural sizes of what is free in a piece */
+extern const gbt_objective_functions gbt_objective;
+extern const gbt_limit gbt_limits[];
+extern const char *const gbt_limit_names[]; /* in the same order */
+extern const gbt_real gbt_acceleration_scale[GBT_FLAT]; /* typical acceleration under full thrust */
+extern const gbt_real gbt_thrust_max[GBT_INPUTS];
+
+void gbt_vehicle_inputs(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *inputs);
+/* The acceleration under a thrust, from z and its rate. */
+void gbt_vehicle_acceleration(const gbt_real *z, const gbt_real *dz, const gbt_real *inputs, gbt_real *ddz);
+#if GBT_MOMENTS
+/* Parameters of the objective at an endpoint, from mean, symmetric root of the covariance and desired bearing. */
+void gbt_prepare(const gbt_real *mean, const gbt_real *root, const gbt_real *desired, gbt_real *parameters);
+#if GBT_PRESENT
+/* Numbers of the path constraints at a boundary of the pieces, from mean and covariance there and the covariance at the
+   beginning of the plan. */
+void gbt_prepare_limits(const gbt_real *mean, const gbt_real *covariance, const gbt_real *present, gbt_real *moving);
+#endif
+#endif
+
+GBT_END_C
+
+#endif
+"""
+"""What :func:`gbt_ocp.ocp.codegen.problem_source.generate_problem` fills in."""

@@ -1,0 +1,77 @@
+#include "gbt_follow.h"
+
+#include "gbt_math.h"
+#include "gbt_pieces.h"
+
+#define TURN ((gbt_real)6.283185307179586)
+#define SAME_TIME (8 * GBT_EPSILON * GBT_PIECES) /* rounding of a time, in pieces: a boundary belongs to the later one */
+
+void gbt_follow_init(gbt_follower *follower, gbt_real bandwidth)
+{
+    follower->bandwidth = bandwidth;
+    follower->planned = 0;
+}
+
+void gbt_follow_plan(gbt_follower *follower, const gbt_real *state, const gbt_real *top)
+{
+    for (int a = 0; a < GBT_STATE; a++) follower->start[a / GBT_FLAT][a % GBT_FLAT] = state[a];
+    for (int a = 0; a < GBT_PIECES * GBT_FREE; a++) follower->top[a / GBT_FREE][a % GBT_FREE] = top[a];
+    follower->planned = 1;
+}
+
+/* The piece in which a time lies, and what has elapsed of it; 0 if it lies beyond the plan. */
+static int piece_at(const gbt_follower *follower, gbt_real elapsed, gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real *s)
+{
+    const gbt_real pieces = elapsed / GBT_PERIOD + SAME_TIME;
+    if (!follower->planned || pieces < 0 || pieces > GBT_PIECES + 2 * SAME_TIME) return 0;
+    const int number = pieces < GBT_PIECES ? (int)pieces : GBT_PIECES - 1;
+    for (int l = 0; l < GBT_JOINED; l++)
+        for (int j = 0; j < GBT_FLAT; j++) piece[l][j] = follower->start[l][j];
+    for (int i = 0;; i++) {
+        for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = follower->top[i][a];
+        if (i == number) break;
+        gbt_next_piece(piece, piece);
+    }
+    *s = elapsed - (gbt_real)number * GBT_PERIOD;
+    return 1;
+}
+
+static gbt_follow_status idle(gbt_follow_status status, gbt_follow_result *result)
+{
+    for (int i = 0; i < GBT_INPUTS; i++) result->thrust[i] = 0;
+    for (int j = 0; j < GBT_FLAT; j++) result->error[j] = 0;
+    result->off_plan = 0;
+    return result->status = status;
+}
+
+gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt_real hold, const gbt_real *z,
+                             const gbt_real *dz, gbt_follow_result *result)
+{
+    gbt_real piece[GBT_ORDERS][GBT_FLAT], now[GBT_POINT], middle[GBT_POINT], point[GBT_POINT], s, square = 0;
+    const gbt_real w = follower->bandwidth;
+    int finite = isfinite(elapsed) && isfinite(hold);
+    for (int j = 0; j < GBT_FLAT; j++) finite = finite && isfinite(z[j]) && isfinite(dz[j]);
+    if (!finite) return idle(GBT_FOLLOW_NOT_FINITE, result);
+    if (!piece_at(follower, elapsed, piece, &s)) return idle(GBT_FOLLOW_NO_PLAN, result);
+    gbt_point_after(piece, s, now);
+    gbt_point_after(piece, s + hold / 2, middle);
+    for (int j = 0; j < GBT_FLAT; j++) {
+        const gbt_real error = now[j] - z[j], rate_error = now[GBT_FLAT + j] - dz[j];
+        result->error[j] = j < GBT_DIMENSION ? error : gbt_remainder(error, TURN);
+        if (j < GBT_DIMENSION) square += error * error;
+        point[j] = z[j] + (middle[j] - now[j]);
+        point[GBT_FLAT + j] = dz[j] + (middle[GBT_FLAT + j] - now[GBT_FLAT + j]);
+        point[2 * GBT_FLAT + j] = middle[2 * GBT_FLAT + j] + 2 * w * rate_error + w * w * result->error[j];
+    }
+    result->off_plan = gbt_sqrt(square);
+    result->status = GBT_FOLLOWED;
+    gbt_vehicle_inputs(point, 0, 0, result->thrust);
+    for (int i = 0; i < GBT_INPUTS; i++) {
+        const gbt_real limit = gbt_thrust_max[i];
+        if (!isfinite(result->thrust[i])) return idle(GBT_FOLLOW_NOT_FINITE, result);
+        if (gbt_fabs(result->thrust[i]) <= limit) continue;
+        result->thrust[i] = gbt_copysign(limit, result->thrust[i]);
+        result->status = GBT_FOLLOW_CLIPPED;
+    }
+    return result->status;
+}

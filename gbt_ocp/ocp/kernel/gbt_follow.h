@@ -1,0 +1,59 @@
+/* The follower: thrust that keeps the vehicle on its plan between two plans.
+
+       gbt_follower follower;
+       gbt_follow_init(&follower, bandwidth);
+       after every gbt_plan:
+           gbt_follow_plan(&follower, state, plan.top[0]);
+       at every sample, at 50 Hz or faster:
+           gbt_follow(&follower, elapsed, hold, z, dz, &command);
+           apply command.thrust until the next sample
+
+   Computed torque on the flat output: the thrust of the acceleration  ddz + 2 w (dz - dz_m) + w^2 (z - z_m)  at the
+   measured z_m and its rate dz_m. Without model error and within the limits the error e of each flat output then obeys
+   e'' + 2 w e' + w^2 e = 0. */
+#ifndef GBT_FOLLOW_H
+#define GBT_FOLLOW_H
+
+#include "gbt_solver.h"
+
+GBT_BEGIN_C
+
+typedef enum {
+    GBT_FOLLOWED = 0,
+    GBT_FOLLOW_CLIPPED = 1,   /* more thrust was asked for than there is */
+    GBT_FOLLOW_NO_PLAN = 2,   /* there is no plan at this time; no thrust */
+    GBT_FOLLOW_NOT_FINITE = 3 /* an input is not finite; no thrust */
+} gbt_follow_status;
+
+typedef struct {
+    gbt_real bandwidth; /* w in rad/s */
+    int planned;        /* whether there is a plan */
+    gbt_real start[GBT_JOINED][GBT_FLAT], top[GBT_PIECES][GBT_FREE];
+} gbt_follower;
+
+typedef struct {
+    gbt_follow_status status;
+    gbt_real thrust[GBT_INPUTS]; /* within the limits */
+    gbt_real error[GBT_FLAT];    /* plan less measurement; of an angle, the short way round */
+    gbt_real off_plan;           /* distance of the position from the plan, m */
+} gbt_follow_result;
+
+/* No plan yet. */
+void gbt_follow_init(gbt_follower *follower, gbt_real bandwidth);
+
+/* Takes a plan: the state from which it was made, GBT_JOINED x GBT_FLAT, and what is free in its pieces,
+   GBT_PIECES x GBT_FREE. */
+void gbt_follow_plan(gbt_follower *follower, const gbt_real *state, const gbt_real *top);
+
+/* The thrust until the next sample. It is evaluated for the middle of that time: until then the vehicle is taken to move
+   as planned.
+
+   elapsed   seconds since the plan was made
+   hold      seconds until the next sample
+   z, dz     measured flat output and its rate, GBT_FLAT each */
+gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt_real hold, const gbt_real *z,
+                             const gbt_real *dz, gbt_follow_result *result);
+
+GBT_END_C
+
+#endif

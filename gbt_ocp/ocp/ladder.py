@@ -1,0 +1,206 @@
+"""A step of the planner around a solver that does not bring its own: the generated C's (``gbt_plan.c``) in Python."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gbt_ocp.ocp.braking import BrakingPlanner
+from gbt_ocp.ocp.check import LimitCheck
+from gbt_ocp.ocp.limit_classes import LimitClass, limit_class
+from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.solvers.base import GIVEN_UP, OUT_OF_ITERATIONS, Solution, Solver, Step
+from gbt_ocp.ocp.trajectory import FlatTrajectory
+from gbt_ocp.ocp.transcription import input_scale
+from gbt_ocp.typing import Array
+
+TIGHTENINGS = 4
+"""How often limits may be tightened in one attempt."""
+
+FEASIBILITY = 1.0e-6
+"""Limits besides thrust count as kept up to this, in their units."""
+
+
+class _Given(NamedTuple):
+    """What a step is about, and what is broken at its start."""
+
+    start: Array
+    objectives: Sequence[Array]
+    limits: Sequence[Array]
+    broken: Array
+
+
+class _Attempt(NamedTuple):
+    """One solve with its tightenings.
+
+    ``trajectory`` is ``None`` if it must not be executed, ``unfinished`` the last iterate if iterations were spent.
+    """
+
+    status: str
+    trajectory: FlatTrajectory | None
+    unfinished: FlatTrajectory | None
+    iterations: int
+    tightened: int
+
+
+class Ladder:
+    """Attempts of a solver, and the answers where they fail, in the order of the generated C.
+
+    The first attempt starts from the rest of the previous plan. It is answered by what the solver had when its
+    iterations were spent, or by that rest, if the first piece keeps the limits or mends what is broken already; by a
+    cold solve; by what the solver had, if its first piece keeps the thrust limits; and by a braking plan. Any other
+    failed solution is never executed and never a warm start. The iterations are bounded by those the solver allows
+    itself in each solve.
+
+    Parameters
+    ----------
+    problem
+        What the solver solves.
+    solver
+        Any.
+    """
+
+    def __init__(self, problem: ProblemData, solver: Solver) -> None:
+        self._problem, self._solver = problem, solver
+        self._scale, self._check = input_scale(problem), LimitCheck(problem)
+        self._braking = BrakingPlanner(problem)
+        self._thrust = np.array([limit_class(problem, c) == LimitClass.THRUST for c in problem.constraints], dtype=bool)
+        self._judged = np.array(problem.judged, dtype=bool)
+        self._hard = np.arange(len(self._judged)) < len(problem.hard)
+
+    def plan(
+        self,
+        start: Array,
+        objectives: Sequence[Array],
+        limits: Sequence[Array],
+        previous: Array | None,
+        data: Mapping[str, Any],
+    ) -> Step:
+        """See :class:`gbt_ocp.ocp.solvers.base.PlansSteps`."""
+        given = _Given(start, objectives, limits, self._check.at_start(start, limits))
+        period = self._problem.period
+        rest = None if previous is None else np.vstack([previous[1:], np.zeros_like(previous[:1])])
+        coasting = cold_guess(self._problem, start)
+        first = self._attempt(given, coasting if rest is None else rest / self._scale, cold=rest is None)
+        fallback, trajectory = "", first.trajectory
+        iterations, tightened, unfinished = first.iterations, first.tightened, first.unfinished
+        if trajectory is None and unfinished is not None and self._keeps(given, unfinished):
+            # nearer to a solution than what it started from, and so is the next step that starts from it
+            fallback, trajectory = "unfinished", unfinished
+        if trajectory is None and rest is not None:
+            # From where the vehicle really is, which is where the previous plan led unless it was pushed.
+            candidate = FlatTrajectory(period, start, rest)
+            if self._keeps(given, candidate):
+                fallback, trajectory = "shifted", candidate
+        if trajectory is None and rest is not None:
+            again = self._attempt(given, coasting, cold=True)
+            fallback, trajectory = "cold", again.trajectory
+            iterations, tightened = iterations + again.iterations, tightened + again.tightened
+            unfinished = unfinished or again.unfinished
+        if trajectory is None and unfinished is not None and self._keeps(given, unfinished, thrust_only=True):
+            fallback, trajectory = "unfinished", unfinished
+        if trajectory is None:
+            fallback, trajectory = "braking", self._braking(start)
+        return self._judge(given, trajectory, first.status, fallback, iterations, tightened)
+
+    def _judge(
+        self, given: _Given, trajectory: FlatTrajectory, status: str, fallback: str, iterations: int, tightened: int
+    ) -> Step:
+        """What the limits say of the plan, and which of them had to give."""
+        fine = self._check.survey(trajectory, given.limits)
+        nodes = self._check.survey(trajectory, given.limits, nodes=True)
+        gave = (self._excess(given, fine[:, 0]) > 0.0) | (self._hard & (nodes.max(axis=1) > FEASIBILITY))
+        given_up = np.where(gave & ~self._thrust, np.maximum(fine.max(axis=1), 0.0), 0.0)
+        if status == "solved" and np.any(given_up > 0.0):
+            status = GIVEN_UP
+        return Step(
+            top=trajectory.top,
+            status=status,
+            fallback=fallback,
+            iterations=iterations,
+            tightened=tightened,
+            piece_violation=np.max(fine[self._judged], axis=0, initial=0.0),
+            given_up=given_up,
+            broken_at_start=given.broken,
+        )
+
+    def _keeps(self, given: _Given, trajectory: FlatTrajectory, *, thrust_only: bool = False) -> bool:
+        """Whether the first piece keeps the limits but for what cannot be helped: those on thrust, or all."""
+        excess = self._excess(given, self._check.survey(trajectory, given.limits)[:, 0])
+        return not np.any(excess[self._thrust] > 0.0 if thrust_only else excess > 0.0)
+
+    def _excess(self, given: _Given, fine: Array) -> Array:
+        """How far judged limits are broken in the first piece beyond what cannot be helped ``(count,)``, at least 0.
+
+        That is beyond the start where it has broken them already; besides thrust they count as kept up to
+        :data:`FEASIBILITY`.
+        """
+        allowed = np.maximum(np.where(self._thrust, 0.0, FEASIBILITY), given.broken)
+        return np.where(self._judged & (fine > allowed), fine - allowed, 0.0)
+
+    def _attempt(self, given: _Given, guess: Array, *, cold: bool) -> _Attempt:
+        """Solve, and while the piece to be executed breaks limits between the nodes, tighten each by what it breaks.
+
+        Thrust must be kept in the end. Another limit is tightened as long as that helps, and not where it has been
+        given up already.
+        """
+        count = len(self._judged)
+        tightening, before = np.zeros(count), np.full(count, np.inf)
+        usable: FlatTrajectory | None = None
+        iterations = tightened = 0
+        while True:
+            solution = self._answer(given, guess, cold, tightening)
+            iterations += solution.iterations
+            status = solution.status
+            if solution.solved and not np.all(np.isfinite(solution.variables)):
+                status = "not finite"
+            if not solution.solved or status == "not finite":
+                break
+            trajectory = FlatTrajectory(self._problem.period, given.start, solution.variables * self._scale)
+            first = FlatTrajectory(self._problem.period, given.start, trajectory.top[:1])
+            excess = self._excess(given, self._check.survey(first, given.limits)[:, 0])
+            nodes = self._check.survey(first, given.limits, nodes=True)[:, 0]
+            again = (excess > 0.0) & (self._thrust | (~(self._hard & (nodes > FEASIBILITY)) & (excess <= 0.5 * before)))
+            if np.any(excess[self._thrust] > 0.0):
+                status = "limits broken between nodes"
+            else:
+                usable = trajectory
+            if not np.any(again) or tightened == TIGHTENINGS:
+                break
+            before = np.where(again, excess, before)
+            # a little more than was found, so that one round nearly always does it
+            tightening = tightening + np.where(again, 1.2 * excess + 1e-4, 0.0)
+            guess, cold, tightened = solution.variables, False, tightened + 1
+        if usable is not None:
+            return _Attempt("solved", usable, None, iterations, tightened)
+        unfinished = None
+        variables = solution.variables
+        if status in OUT_OF_ITERATIONS and np.shape(variables) == guess.shape and np.all(np.isfinite(variables)):
+            unfinished = FlatTrajectory(self._problem.period, given.start, variables * self._scale)
+        return _Attempt(status, None, unfinished, iterations, tightened)
+
+    def _answer(self, given: _Given, guess: Array, cold: bool, tightening: Array) -> Solution:
+        """What the solver says; a solver that raises or returns nothing has failed like any other."""
+        try:
+            found: Solution | None = self._solver.solve(
+                given.start, given.objectives, guess, cold=cold, tightening=tightening, limits=given.limits
+            )
+        except Exception as fault:  # the vehicle needs a plan, whatever a solver of somebody's own does
+            warnings.warn(f"solver {self._solver.name!r} raised {fault!r}", RuntimeWarning, stacklevel=6)
+            return Solution(guess, False, f"raised {type(fault).__name__}", 0)
+        if found is None:
+            return Solution(guess, False, "no answer", 0)
+        if found.solved and np.shape(found.variables) != guess.shape:
+            return Solution(guess, False, "answer of a wrong shape", found.iterations)
+        return found
+
+
+def cold_guess(problem: ProblemData, start: Array) -> Array:
+    """Coasting, u ``(p, freedoms)``: constant velocity, higher derivatives brought to zero within the first piece."""
+    guess, n = np.zeros((problem.pieces, problem.freedoms)), start.shape[1]
+    if problem.joined > 2:
+        guess[0, :n] = -start[-1] / problem.period / input_scale(problem)[:n]
+    return guess

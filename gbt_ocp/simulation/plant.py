@@ -1,0 +1,187 @@
+"""The vehicle that moves: a model whose parameters are off, thrusters that lag, and a force that no model knows."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gbt_ocp.models.fossen import FossenParameters, rotation
+from gbt_ocp.models.sizes import not_negative
+from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.typing import Array
+
+CORRELATION_S = 20.0
+"""Time constant of the slowly varying force in s."""
+
+KNOT_S = 1.0
+"""Time between the draws of the slowly varying force in s; it is linear between them."""
+
+SAME_TIME = 1e-9
+"""Two times in s that differ by less are the same."""
+
+
+def scaled(parameters: FossenParameters, *, mass: float, added_mass: float, drag: float) -> FossenParameters:
+    """The coefficients times factors: ``mass`` scales the inertia too, ``drag`` its linear and its quadratic part.
+
+    Raises
+    ------
+    ValueError
+        If mass minus added mass is no longer positive.
+    """
+    return replace(
+        parameters,
+        mass=mass * parameters.mass,
+        inertia=mass * parameters.inertia,
+        added_mass=[added_mass * value for value in parameters.added_mass],
+        linear_drag=[drag * value for value in parameters.linear_drag],
+        quadratic_drag=[drag * value for value in parameters.quadratic_drag],
+    )
+
+
+@dataclass(frozen=True)
+class Plant:
+    """The vehicle that is simulated, as far as it differs from the model with which is planned.
+
+    Attributes
+    ----------
+    vehicle
+        Its forward dynamics.
+    thrust
+        Thrust that acts over thrust that is asked for, one number or ``(m,)``.
+    lag
+        Time constant in s of the thrusters, first order; 0 for none.
+    dead_time
+        Time in s after which they react at all.
+    force
+        Constant force in the earth frame in N, then the moment about the vertical in N m, ``(d+1,)``.
+    force_std
+        Standard deviation in N of the slowly varying force on each axis of the position, earth frame.
+    rng
+        Source of its draws; needed if ``force_std`` is positive.
+
+    Raises
+    ------
+    ValueError
+        If a time or a deviation is negative or not finite, or there is nothing to draw the slowly varying force from.
+
+    Notes
+    -----
+    A force asks for a vehicle whose inputs are forces in the body frame along the axes of its pose, as those of
+    :class:`~gbt_ocp.models.fossen.FossenVehicle` are.
+    """
+
+    vehicle: Vehicle
+    thrust: ArrayLike = 1.0
+    lag: float = 0.0
+    dead_time: float = 0.0
+    force: ArrayLike | None = None
+    force_std: float = 0.0
+    rng: np.random.Generator | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("lag", "dead_time", "force_std"):
+            not_negative(name, getattr(self, name))
+        if self.force_std > 0.0 and self.rng is None:
+            raise ValueError("rng: found None; allowed: a generator where force_std is positive")
+
+
+class SlowForce:
+    """A stationary Ornstein-Uhlenbeck process of mean zero on each axis, linear between draws.
+
+    Parameters
+    ----------
+    std
+        Standard deviation in N.
+    dimension
+        d, axes.
+    rng
+        Source of the draws, which depend on nothing but the time that is asked for.
+    """
+
+    def __init__(self, std: float, dimension: int, rng: np.random.Generator) -> None:
+        self._std, self._rng = std, rng
+        self._knots = [std * rng.standard_normal(dimension)]
+
+    def __call__(self, time: float) -> Array:
+        """The force ``(d,)`` in N at a time in s, at least 0."""
+        share, knot = np.modf(time / KNOT_S)
+        keep = float(np.exp(-KNOT_S / CORRELATION_S))
+        while len(self._knots) < int(knot) + 2:
+            fresh = self._std * self._rng.standard_normal(self._knots[0].shape)
+            self._knots.append(keep * self._knots[-1] + np.sqrt(1.0 - keep**2) * fresh)
+        before, after = self._knots[int(knot) : int(knot) + 2]
+        return np.asarray(before + share * (after - before))
+
+
+Command = Callable[[float], Array]
+"""Inputs ``(m,)`` within their limits, by the seconds since they were given."""
+
+
+class Motion:
+    """Integrates a plant on and on: its thrusters and the force on it remember what was before.
+
+    Parameters
+    ----------
+    plant
+        What moves.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        self.plant = plant
+        self._time = 0.0
+        idle = np.zeros(plant.vehicle.thrust_max.size)
+        self._acting = idle
+        self._factor = np.broadcast_to(np.asarray(plant.thrust, dtype=float), idle.shape)
+        self._commands: deque[tuple[float, Command]] = deque([(-np.inf, lambda s: idle)])
+        self._constant = None if plant.force is None else np.asarray(plant.force, dtype=float)
+        self._slow = None
+        if plant.force_std > 0.0 and plant.rng is not None:
+            self._slow = SlowForce(plant.force_std, plant.vehicle.position_dimension, plant.rng)
+
+    def advance(self, state: Array, command: Command, duration: float) -> Array:
+        """The state after ``duration`` seconds in which the command is given."""
+        plant, began, size = self.plant, self._time, len(state)
+        self._commands.append((began + plant.dead_time, command))
+        x = np.concatenate([state, self._acting]) if plant.lag > 0.0 else np.asarray(state, dtype=float)
+        reached = 0.0
+        while reached < duration - SAME_TIME:
+            while len(self._commands) > 1 and self._commands[1][0] <= began + reached + SAME_TIME:
+                self._commands.popleft()
+            given, present = self._commands[0]
+            later = self._commands[1][0] - began if len(self._commands) > 1 else duration
+            until = min(later, duration)
+            x = self._stretch(x, size, present, began - given, reached, until)
+            reached = until
+        self._time = began + duration
+        if plant.lag > 0.0:
+            self._acting = x[size:]
+        return x[:size]
+
+    def _stretch(self, x: Array, size: int, command: Command, age: float, begin: float, end: float) -> Array:
+        """Integrate from ``begin`` to ``end`` under one command, which is ``age`` seconds older than this period."""
+        vehicle, lag, factor, began = self.plant.vehicle, self.plant.lag, self._factor, self._time
+        pushed = self._constant is not None or self._slow is not None
+
+        def rates(s: float, x: Array) -> Array:
+            asked = factor * command(s + age)
+            acting = x[size:] if lag > 0.0 else asked
+            force = acting + self._push(x[:size], began + s) if pushed else acting
+            moved = vehicle.rates(x[:size], force)
+            return np.concatenate([moved, (asked - acting) / lag]) if lag > 0.0 else moved
+
+        from scipy.integrate import solve_ivp  # takes half a second to import, which other ways do not need
+
+        return np.asarray(solve_ivp(rates, (begin, end), x, rtol=1e-8, atol=1e-10).y[:, -1])
+
+    def _push(self, state: Array, time: float) -> Array:
+        """The force that no model knows, in the body frame ``(d+1,)``."""
+        pose = self.plant.vehicle.pose(state)
+        force = np.zeros(len(pose)) if self._constant is None else self._constant.copy()
+        if self._slow is not None:
+            slow = self._slow(time)
+            force[: len(slow)] += slow
+        return np.asarray(rotation(pose[-1], len(pose)).T @ force)
