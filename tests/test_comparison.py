@@ -101,7 +101,7 @@ def test_the_report_shows_the_tables_and_the_verdict(done):
         assert f'src="figures/{name}"' in page
     assert page.count("<table>") == sum(line.startswith(("| ---", "|---")) for line in text.split("\n"))
     # why a pair does not exist stands in the table of formulations
-    assert "none: the kernel is told the kinks as inequalities" in text
+    assert "none: the kernel takes the kinks as inequalities" in text
 
 
 def test_the_costs_are_those_of_all_tasks(done):
