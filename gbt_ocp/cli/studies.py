@@ -16,7 +16,7 @@ from gbt_ocp.cli.subcommand import Subcommand
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.studies.paper import STUDIES
 
-COMPARED = "penalty, continuation, elastic, hard, exchange, soft, shooting"
+COMPARED = "penalty, continuation, elastic, mixed, hard, exchange, soft, shooting"
 """Treatments that ``compare`` knows; repeated here because importing them would load CasADi for ``--help``."""
 
 
@@ -169,8 +169,8 @@ def _reproduce(arguments: argparse.Namespace) -> int:
 
 COMPARE = Subcommand(
     "compare",
-    "compare treatments of the thrust limits on the same problems",
-    ("gbt-ocp compare case2 case5 --runs 10", "gbt-ocp compare case2 --formulations hard --problems 50"),
+    "compare treatments of the same limits on the same problems",
+    ("gbt-ocp compare case2 case5 --runs 10", "gbt-ocp compare sea2d sea3d --solvers compiled"),
     _add_compare,
     _compare,
 )

@@ -12,7 +12,7 @@ from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.guidance.planned import PlannedMotion
-from gbt_ocp.guidance.startup import CrossFirst
+from gbt_ocp.guidance.startup import planned_of
 from gbt_ocp.models.contracts import array, called, finite, named
 from gbt_ocp.models.model_checks import dynamics_gap
 from gbt_ocp.models.targets import Target
@@ -80,9 +80,9 @@ def _findings(configuration: Configuration) -> list[Finding]:
     forecast_times = configuration.forecast_period * np.arange(configuration.tracker.forecast + 1)
     found.append(_of_target(loop.target, configuration.duration_s + forecast_times[-1]))
     found.extend(_of_vehicle(loop.vehicle))
-    guidance = loop.guidance.planned if isinstance(loop.guidance, CrossFirst) else loop.guidance
-    if not isinstance(guidance, PlannedMotion):
-        return [*found, Finding("guidance", f"{type(guidance).__name__}, which plans nothing")]
+    guidance = planned_of(loop.guidance)
+    if guidance is None:
+        return [*found, Finding("guidance", f"{type(loop.guidance).__name__}, which plans nothing")]
     found.extend(_of_terms(guidance.planner.problem))
     if isinstance(guidance.planner, Planner) and not any(map(_is_joint, guidance.planner.problem.objectives)):
         mean = np.asarray(loop.target.position(forecast_times))

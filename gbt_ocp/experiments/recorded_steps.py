@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.schema import Configuration
-from gbt_ocp.guidance.planned import PlannedMotion
-from gbt_ocp.guidance.startup import CrossFirst
+from gbt_ocp.guidance.startup import planned_of
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.simulation.loop import simulate
@@ -59,8 +58,8 @@ def recorded_steps(configuration: Configuration, planner: Planner, count: int) -
         If nothing was solved: the guidance does not plan, or not within the duration.
     """
     loop, start = build_loop(configuration)
-    planned = loop.guidance.planned if isinstance(loop.guidance, CrossFirst) else loop.guidance
-    if not isinstance(planned, PlannedMotion):
+    planned = planned_of(loop.guidance)
+    if planned is None:
         found = configuration.guidance.kind
         raise ConfigurationError(
             [f"guidance.kind: found {found}; allowed: planner, whose steps are recorded for the generated code"]

@@ -173,8 +173,14 @@ class CrossFirst:
         return self._dynamics.reach_velocity(flat, velocity)
 
 
+def planned_of(guidance: Guidance) -> PlannedMotion | None:
+    """The part of an observer strategy that plans, sooner or later."""
+    if isinstance(guidance, CrossFirst):
+        return guidance.planned
+    return guidance if isinstance(guidance, PlannedMotion) else None
+
+
 def planner_of(guidance: Guidance) -> Planner | ShootingPlanner | None:
     """The planner of an observer strategy that plans, sooner or later."""
-    if isinstance(guidance, CrossFirst):
-        return guidance.planned.planner
-    return guidance.planner if isinstance(guidance, PlannedMotion) else None
+    planned = planned_of(guidance)
+    return None if planned is None else planned.planner

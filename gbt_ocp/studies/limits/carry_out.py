@@ -15,13 +15,14 @@ from gbt_ocp.experiments.sweep.task_folder import TaskFolder
 from gbt_ocp.files import whole_file
 from gbt_ocp.ocp.codegen.library import find_compiler
 from gbt_ocp.studies.limits.checks import check_problems, check_rows
+from gbt_ocp.studies.limits.formulations import COMPILED, IPOPT
 from gbt_ocp.studies.limits.problems import Check, Problems, draw, joined, record
 from gbt_ocp.studies.limits.runs import run_treated
 from gbt_ocp.studies.limits.sensitivity import solve_sweep
 from gbt_ocp.studies.limits.solves import best_chunk, solve_chunk
 from gbt_ocp.studies.limits.tables import Row, write_rows
 from gbt_ocp.studies.limits.tasks import Plan, Task
-from gbt_ocp.studies.limits.treatments import COMPILED, IPOPT, Pair, treated
+from gbt_ocp.studies.limits.treatments import Pair, treated
 
 PARTS, PROBLEMS, COSTS = "parts", "problems", "costs.txt"
 

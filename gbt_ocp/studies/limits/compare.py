@@ -33,9 +33,10 @@ from gbt_ocp.studies.limits.carry_out import (
     gather_problems,
     part_file,
 )
+from gbt_ocp.studies.limits.formulations import COMPILED, FORMULATIONS, SOLVERS
 from gbt_ocp.studies.limits.tables import Row, read_rows, write_rows
 from gbt_ocp.studies.limits.tasks import Plan, Task, measurements, recordings
-from gbt_ocp.studies.limits.treatments import COMPILED, FORMULATIONS, SOLVERS, chosen_pairs, described
+from gbt_ocp.studies.limits.treatments import chosen_pairs, described, unfit
 from gbt_ocp.studies.limits.verdict import verdict
 
 PLAN, TABLES, VERDICT = "comparison.json", "tables", "verdict.txt"
@@ -85,7 +86,9 @@ def compare(
     jobs: int | None = None,
     progress: bool = False,
 ) -> Comparison:
-    """Compare treatments of the same thrust limits, on the same problems and on the same seeds.
+    """Compare treatments of the same limits, on the same problems and on the same seeds.
+
+    The limits are those on thrust and those of the section ``limits``, which all are treated alike but for ``mixed``.
 
     Parameters
     ----------
@@ -191,6 +194,11 @@ def _planned(
         if not isinstance(one.guidance, PlannerGuidance)
     ]
     pairs = chosen_pairs(formulations, solvers)
+    faults += [
+        f"{one.name}: --formulations: found none that fits ({unfit(one, pairs[0])}); allowed: others"
+        for one in loaded
+        if isinstance(one.guidance, PlannerGuidance) and all(unfit(one, pair) for pair in pairs)
+    ]
     if any(pair.solver == COMPILED for pair in pairs) and find_compiler() is None:
         faults.append("--solvers: found compiled, but no C compiler; allowed: ipopt")
     if faults:
@@ -282,10 +290,12 @@ def _tables(plan: Plan, folder: Path, tasks: list[Task]) -> dict[str, list[Row]]
     solves = summaries.with_gaps(rows("solve"), rows("best"))
     loops = rows("loop")
     return {
-        "formulations": described(plan.pairs),
+        "formulations": described(plan.pairs, plan.configurations),
         "open_loop": summaries.open_loop(solves),
         "paired": summaries.paired(solves, plan.pairs),
+        "classes": summaries.classes(solves),
         "closed_loop": summaries.closed_loop(loops),
+        "at_a_distance": summaries.at_a_distance(loops),
         "closed_loop_paired": summaries.closed_loop_paired(loops, plan.pairs),
         "settings": summaries.settings(rows("sweep")),
         "sensitivity": summaries.sensitivity(rows("sweep")),

@@ -20,6 +20,7 @@ COLOURS = {
     "penalty": style.VERMILLION,
     "continuation": style.ORANGE,
     "elastic": style.PURPLE,
+    "mixed": style.GREY,
     "hard": style.BLUE,
     "exchange": style.SKY,
     "soft": style.GREEN,

@@ -15,7 +15,7 @@ from gbt_ocp.experiments.build import loop as build
 from gbt_ocp.experiments.build.desired import build_desired_bearing
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.files import read_arrays
-from gbt_ocp.guidance.planned import PlannedMotion
+from gbt_ocp.guidance.startup import planned_of
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.problem_data import ProblemData
@@ -185,6 +185,7 @@ class _Witness:
         self._planner = planner
         self.problem = planner.problem
         self.asked: list[Instance] = []
+        self.reset = planner.reset
 
     def solve(self, state: Array, forecast: Forecast, desired: Array, *, present: Forecast, **data: Any) -> Plan:
         p = self.problem.pieces
@@ -209,11 +210,11 @@ def record(configuration: Configuration, count: int, check: Check = unasked) -> 
         Called after each step.
     """
     loop, start = build.build_loop(configuration)
-    guidance = loop.guidance
-    assert isinstance(guidance, PlannedMotion), "checked before anything runs"
-    assert isinstance(guidance.planner, Planner), "configurations name no other"
-    witness = _Witness(guidance.planner)
-    guidance.planner = witness  # type: ignore[assignment]  # it answers like the planner
+    planned = planned_of(loop.guidance)
+    assert planned is not None, "checked before anything runs"
+    assert isinstance(planned.planner, Planner), "configurations name no other"
+    witness = _Witness(planned.planner)
+    planned.planner = witness  # type: ignore[assignment]  # it answers like the planner
     simulate(loop, start, configuration.duration_s, lambda *_: check())
     steps = len(witness.asked)
     early = min(START_UP, count // 4)
@@ -225,16 +226,19 @@ def record(configuration: Configuration, count: int, check: Check = unasked) -> 
 
 
 def draw(configuration: Configuration, count: int) -> Problems:
-    """Problems drawn at random: a moving vehicle in the box of the starts, a target that is known to a few decimetres.
+    """Problems drawn at random: a moving vehicle in a box of 10 m, a target that is known to a few decimetres.
 
-    The speed of each axis is normal with 1 m/s (0.5 rad/s of what is not a position), the forecast moves straight.
-    Every configuration has problems of its own: its name is part of the seed.
+    Where a run starts at a distance from the target, so do these: at 0.6 to 1.6 times that, with the target known to a
+    fortieth of it. The speed of each axis is normal with 1 m/s (0.5 rad/s of what is not a position), the forecast
+    moves straight. Every configuration has problems of its own: its name is part of the seed.
     """
     rng = np.random.default_rng([configuration.seed, crc32(configuration.name.encode())])
     vehicle = build.build_vehicle(configuration)
     desired = build_desired_bearing(configuration, vehicle)
     problem = build.build_problem(configuration, vehicle)
     d, n, p, period = configuration.dimension, vehicle.flat_dimension, problem.pieces, problem.period
+    away = configuration.vehicle.start.range_m
+    spread = 0.2 if away is None else away / 40.0
     chosen = []
     for number in range(count):
         start = np.zeros((problem.joined, n))
@@ -242,7 +246,10 @@ def draw(configuration: Configuration, count: int) -> Problems:
         start[1] = rng.normal(size=n) * np.where(np.arange(n) < d, 1.0, 0.5)
         ahead = period * np.arange(p + 1)
         mean = rng.normal(size=d) + ahead[:, None] * rng.normal(size=d)
-        root = 0.2 * rng.normal(size=(d, d))
+        if away is not None:
+            start[0, :d] *= rng.uniform(0.6, 1.6) * away / np.linalg.norm(start[0, :d])
+            start[0, :d] += mean[0]
+        root = spread * rng.normal(size=(d, d))
         moments = Forecast(mean, np.tile(root @ root.T, (p + 1, 1, 1)))
         chosen.append(Instance(start, moments, desired(number + ahead[1:]), None))
     return _stacked(chosen, np.full(count, np.nan), RANDOM, np.arange(count), problem)

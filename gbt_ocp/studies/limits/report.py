@@ -11,6 +11,8 @@ from typing import Any
 from markdown import markdown
 
 from gbt_ocp.files import whole_file
+from gbt_ocp.simulation.summary import FALLBACKS
+from gbt_ocp.studies.limits.summaries import CLASSES
 from gbt_ocp.studies.limits.tables import FIGURES, Row, Tables
 
 _STYLE = (
@@ -48,7 +50,7 @@ def report(folder: Path, tables: Tables, drawn: Sequence[str] = ()) -> str:
     plan = json.loads((folder / "comparison.json").read_text(encoding="utf-8"))
     names = ", ".join(entry["name"] for entry in plan["configurations"])
     lines = [
-        f"# Treatments of the thrust limits: {names}",
+        f"# Treatments of the limits: {names}",
         "",
         f"The pairs of formulation and solver solved the same problems: at least {plan['problems']} of each "
         f"configuration recorded in {plan['runs']} closed-loop runs, and random ones beside them. Slow pairs solved a "
@@ -81,7 +83,15 @@ def report(folder: Path, tables: Tables, drawn: Sequence[str] = ()) -> str:
         rows = [row for row in tables["paired"] if (row["origin"], row["mode"]) == (origin, mode)]
         if rows:
             lines += [f"### {title[0].upper()}{title[1:]}", "", *table(list(map(_paired_row, rows)), _PAIRED), ""]
+    if tables["classes"]:
+        lines += ["## Table classes", "", "Solutions that break a limit of a class between its nodes, by how much.", ""]
+        for (origin, mode), title in _SETS.items():
+            rows = [row for row in tables["classes"] if (row["origin"], row["mode"]) == (origin, mode)]
+            if rows:
+                lines += [f"### {title[0].upper()}{title[1:]}", "", *table(map(_class_row, rows), _CLASSES), ""]
     lines += ["## Table closed_loop", "", *table(list(map(_loop_row, tables["closed_loop"])), _LOOP), ""]
+    if tables["at_a_distance"]:
+        lines += ["## Table at_a_distance", "", *table(map(_distant_row, tables["at_a_distance"]), _DISTANT), ""]
     lines += ["## Table closed_loop_paired", ""]
     lines += [
         *table(
@@ -147,8 +157,19 @@ _LOOP = {
     "case": "case", "formulation": "formulation", "solver": "solver", "runs": "seeds", "astray": "astray",
     "error": "settled error m", "error_settled_worst": "worst seed", "error_mean": "error m, whole run",
     "distance_median": "distance m", "condition_median": "condition number", "violation_max": "violation executed",
-    "tightened": "tightened", "fallbacks": "fallbacks shifted, cold, braking, other",
+    "tightened": "tightened", "fallbacks": "fallbacks shifted, cold, unfinished, braking, other",
     "unsolved": "first solves failed %", "solver_time_median_ms": "planner ms",
+}  # fmt: skip
+_CLASSES = {
+    "case": "case", "formulation": "formulation", "solver": "solver", "success": "solved", "kept": "and all kept",
+    **{name: f"{name} broken (mean, worst)" for name in CLASSES},
+}  # fmt: skip
+_DISTANT = {
+    "case": "case", "formulation": "formulation", "solver": "solver", "runs": "seeds", "error": "error % of range",
+    "ahead": "10 s ahead", "lost": "lost", "steps_below_standoff": "samples below standoff",
+    "distance_min": "least range m", "plans": "plans", "answered": "first solve answered %",
+    "given_up": "limit given up", "fallbacks": "fallbacks shifted, cold, unfinished, braking",
+    "solver_time_median_ms": "planner ms", "solver_time_99_ms": "99 %", "solver_time_max_ms": "most",
 }  # fmt: skip
 _LOOP_PAIRED = {"case": "case", "pair": "pair", "against": "against", "runs": "seeds", "more": "settled error more, m"}
 _SENSITIVITY = {
@@ -174,10 +195,28 @@ def _paired_row(row: Row) -> Row:
     }
 
 
+def _class_row(row: Row) -> Row:
+    cells = {}
+    for name in CLASSES:
+        count = row[f"{name}_broken"]
+        cells[name] = f"{count} ({short(row[f'{name}_mean'])}, {short(row[f'{name}_worst'])})" if count else "0"
+    return row | cells | {"success": f"{row['solved']} of {row['problems']}"}
+
+
+def _distant_row(row: Row) -> Row:
+    percent = {name: 100.0 * row[name] for name in row if name.startswith("relative_error") and row[name] is not None}
+    return row | {
+        "error": _interval(row | percent, "relative_error"),
+        "ahead": percent.get("relative_error_10s"),
+        "answered": f"{math.floor(1e4 * row['answered_share']) / 100.0:g}",
+        "fallbacks": ", ".join(str(row[f"fallbacks_{word}"]) for word in FALLBACKS),
+    }
+
+
 def _loop_row(row: Row) -> Row:
     share = row["solver_success_rate"]
     return row | {
         "error": _interval(row, "error_settled"),
-        "fallbacks": ", ".join(str(row[f"fallbacks_{word}"]) for word in ("shifted", "cold", "braking", "other")),
+        "fallbacks": ", ".join(str(row[f"fallbacks_{word}"]) for word in (*FALLBACKS, "other")),
         "unsolved": None if share is None else f"{100.0 * (1.0 - share):.3g}",
     }

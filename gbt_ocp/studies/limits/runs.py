@@ -8,15 +8,18 @@ import numpy as np
 
 from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.schema import Configuration
-from gbt_ocp.guidance.planned import PlannedMotion
+from gbt_ocp.guidance.startup import planned_of
+from gbt_ocp.ocp.solvers.base import GIVEN_UP
 from gbt_ocp.simulation.loop import simulate
 from gbt_ocp.simulation.summary import FALLBACKS, installed_versions, summarise
+from gbt_ocp.simulation.track_summary import TRACK_SETTLING_S
+from gbt_ocp.studies.limits.formulations import limits_in
 from gbt_ocp.studies.limits.problems import Check, unasked
 from gbt_ocp.studies.limits.tables import Row
 from gbt_ocp.studies.limits.treatments import Pair, kept_planner, treated
 
 SETTLING_S = 2.0
-"""Time from which errors and condition numbers count as settled."""
+"""Time from which errors and condition numbers count as settled, where bearings are exact."""
 
 
 def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked) -> Row:
@@ -29,9 +32,12 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
     Its row: errors and distance in m, the largest thrust over its limit that was executed, and what the planner had
     to do for it.
     """
+    exact = configuration.sensor.noise_deg == 0.0
+    settling = SETTLING_S if exact else min(TRACK_SETTLING_S, 0.5 * configuration.duration_s)
     loop, start = build_loop(treated(configuration, "hard"))
-    assert isinstance(loop.guidance, PlannedMotion), "checked before anything runs"
-    loop.guidance.planner = kept_planner(configuration, pair)
+    planned = planned_of(loop.guidance)
+    assert planned is not None, "checked before anything runs"
+    planned.planner = kept_planner(configuration, pair)
     began = perf_counter()
     recording = simulate(loop, start, configuration.duration_s, lambda *_: check())
     history = recording.history
@@ -39,13 +45,16 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
         history,
         period=configuration.sensor.period_s,
         seed=configuration.seed,
-        settling=SETTLING_S,
+        settling=settling,
         wall_s=perf_counter() - began,
         solver_first_try=history.answered & (history.fallback == ""),
         retries={"tightened": recording.tightened, "nugget": recording.nugget_retries, "clipped": recording.clipped},
         versions=installed_versions(),
+        forecast_period=configuration.forecast_period,
+        standoff=configuration.standoff,
     )
-    settled = history.condition_number[history.t >= SETTLING_S - 1e-9]
+    settled = history.condition_number[history.t >= settling - 1e-9]
+    times = 1e3 * history.solver_time[history.planned]
     kept = (
         "error_mean", "error_settled", "error_final", "distance_median", "distance_min",
         "similarity_mean_second_half", "violation_max", "objective_mean", "solver_success_rate",
@@ -53,6 +62,14 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
     )  # fmt: skip
     fallbacks = {word: summary["fallbacks"].get(word, 0) for word in FALLBACKS}
     others = sum(summary["fallbacks"].values()) - sum(fallbacks.values())
+    distant: Row = {}
+    if limits_in(configuration):
+        distant = {key: summary.get(key) for key in ("relative_error", "relative_error_10s", "steps_below_standoff")}
+        distant["lost"] = int(summary.get("lost", False))
+        distant["plans"] = int(np.sum(history.planned))
+        distant["answered_first"] = int(np.sum(history.planned & history.answered & (history.fallback == "")))
+        distant["given_up"] = int(np.sum(history.planned & (history.solver_status == GIVEN_UP)))
+        distant["solver_time_99_ms"] = float(np.percentile(times, 99)) if times.size else None
     return {
         "case": configuration.name,
         "run": configuration.seed,
@@ -64,4 +81,5 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
         "clipped": recording.clipped,
         **{f"fallbacks_{word}": count for word, count in fallbacks.items()},
         "fallbacks_other": others,
+        **distant,
     }

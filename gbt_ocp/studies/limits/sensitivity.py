@@ -12,10 +12,11 @@ from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import kink_widths, stiffness
+from gbt_ocp.studies.limits.formulations import COMPILED, IPOPT, StagedPenalty, limits_in
 from gbt_ocp.studies.limits.problems import RANDOM, RECORDED, Check, Problems, unasked
 from gbt_ocp.studies.limits.solves import MODES, solve_chunk
 from gbt_ocp.studies.limits.tables import Row
-from gbt_ocp.studies.limits.treatments import COMPILED, IPOPT, Pair, StagedPenalty, treated
+from gbt_ocp.studies.limits.treatments import Pair, treated
 
 WIDTHS = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 WEIGHTS = (10.0, 100.0, 1000.0, 10000.0)
@@ -44,7 +45,10 @@ def sweeps(configuration: Configuration, pairs: list[Pair]) -> Iterator[Sweep]:
 
     ϖ is swept in units of the limit. In newtons the same penalty has ``ϖ τ_max`` and ``w_p/τ_max`` (the first limit
     stands for all); the paper's w_p = 1000 without a ϖ is tried with 10 N and with the same ϖ as in units of the limit.
+    All of these settings are of the thrust limits: a configuration that has others takes no part.
     """
+    if limits_in(configuration):
+        return
     planner, unit = configuration.planner, float(build_vehicle(configuration).thrust_max[0])
     factor = 1.0 if planner.thrust_units == "normalised" else unit
     width, weight = planner.width / factor, planner.weight * factor
@@ -87,7 +91,7 @@ def solve_sweep(configuration: Configuration, problems: Problems, sweep: Sweep, 
         if sweep.swept in ("width", "weight", "units"):
             # ϖ and w_p are parameters of the program: it is built again only for other units
             if planner is None or changed.planner.thrust_units != units:
-                solver = StagedPenalty(problem, [], FORMS[sweep.pair.formulation])
+                solver = StagedPenalty(problem, [], form=FORMS[sweep.pair.formulation])
                 planner, units = Planner(problem, solver), changed.planner.thrust_units
             solver.stages = [[(soft.width, soft.weight) for soft in problem.penalties]]
         for mode in MODES:

@@ -1,13 +1,14 @@
 """Every treatment on exactly the same problems: one solve, judged by the same yardsticks.
 
-The yardsticks belong to no treatment: the objective without penalty, and the true thrust limits at the nodes and on
-the fine grid between them.
+The yardsticks belong to no treatment: the objective without penalty, and the true limits at the nodes and on the fine
+grid between them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from time import thread_time
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.check import LimitCheck
+from gbt_ocp.ocp.limit_classes import LimitClass, limit_class
 from gbt_ocp.ocp.plan import ShootingPlan
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.shooting import ShootingPlanner
@@ -38,11 +40,15 @@ KEPT = 1.0e-6
 
 
 class Judgement(NamedTuple):
-    """Objective without penalty, and largest signed violation of the true limits at the nodes and between them."""
+    """Objective without penalty, and largest signed violation of the true limits at the nodes and between them.
+
+    ``classes`` has the latter of each class of limits, where there are others than those on thrust.
+    """
 
     objective: float
     nodes: float
     between: float
+    classes: Mapping[LimitClass, float] = MappingProxyType({})
 
 
 class Judge:
@@ -51,22 +57,23 @@ class Judge:
     Parameters
     ----------
     planner
-        Of any formulation: its problem gives objective, limits and n_c.
+        Of any formulation: its problem gives objective, limits and n_c. Limits count however it treats them.
     """
 
     def __init__(self, planner: Planner) -> None:
-        self._planner = planner
-        problem = planner.problem
-        nodes = (problem.hard[0] if problem.hard else problem.penalties[0]).nodes
-        self._nodes, self._fine = LimitCheck(problem, nodes + 1), LimitCheck(problem)
+        self._planner, self._check = planner, LimitCheck(planner.problem)
+        self._classes = np.array([limit_class(planner.problem, c) for c in planner.problem.constraints])
 
     def __call__(self, trajectory: FlatTrajectory, parameters: list[Array], limits: list[Array]) -> Judgement:
         """Judge a trajectory for these parameters of objectives and constraints."""
         if not np.all(np.isfinite(trajectory.top)):
             return Judgement(np.nan, np.nan, np.nan)
         objective = self._planner.objective(trajectory, parameters)
-        nodes, between = self._nodes(trajectory, limits).max(), self._fine(trajectory, limits).max()
-        return Judgement(objective, float(nodes), float(between))
+        nodes = self._check.survey(trajectory, limits, nodes=True).max()
+        between = self._check.survey(trajectory, limits).max(axis=1)
+        present = sorted(set(self._classes.tolist()))
+        classes = {LimitClass(one): float(between[self._classes == one].max()) for one in present}
+        return Judgement(objective, float(nodes), float(between.max()), classes if len(present) > 1 else {})
 
 
 def is_possible(instance: Instance, mode: str) -> bool:
@@ -127,6 +134,7 @@ def _row(solved: bool, status: str, iterations: int, seconds: float, judgement: 
         "objective": judgement.objective,
         "violation_nodes": judgement.nodes,
         "violation_between": judgement.between,
+        **{f"violation_{one.name.lower()}": worst for one, worst in judgement.classes.items()},
     }
 
 

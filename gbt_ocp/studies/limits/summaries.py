@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from gbt_ocp.ocp.limit_classes import LimitClass
+from gbt_ocp.simulation.summary import FALLBACKS
 from gbt_ocp.studies.limits.solves import KEPT
 from gbt_ocp.studies.limits.statistics import interval
 from gbt_ocp.studies.limits.tables import Row, column, grouped
@@ -77,6 +79,30 @@ def open_loop(solves: list[Row]) -> list[Row]:
     return table
 
 
+CLASSES = tuple(one.name.lower() for one in LimitClass)
+"""Words for the classes of limits, the last to give first."""
+
+
+def classes(solves: list[Row]) -> list[Row]:
+    """Table ``classes``: which limits the solutions keep between their nodes, where there are others than on thrust.
+
+    ``broken`` counts solutions that break a limit of the class; ``worst`` and ``mean`` are the violations of these, in
+    units of the limit.
+    """
+    table = []
+    several = [row for row in solves if row.get("violation_thrust") is not None]
+    for key, rows in grouped(several, *KEYS, "formulation", "solver").items():
+        done = [row for row in rows if row["solved"]]
+        line = {**dict(zip((*KEYS, "formulation", "solver"), key, strict=True)), "problems": len(rows)}
+        line |= {"solved": len(done), "kept": sum(row["kept"] for row in rows)}
+        for name in CLASSES:
+            broken = [value for value in column(done, f"violation_{name}") if value > KEPT]
+            line[f"{name}_broken"] = len(broken)
+            line[f"{name}_mean"], line[f"{name}_worst"] = _of(np.mean, broken), _of(np.max, broken)
+        table.append(line)
+    return table
+
+
 def contrasts(pairs: Sequence[Pair]) -> list[tuple[Pair, Pair]]:
     """Who is compared with whom: everybody with the first pair, and hard, exchange and soft limits with the penalty
     that the same solver solves best (elastic).
@@ -133,9 +159,7 @@ _LOOP_NUMBERS = (
     "error_settled", "error_mean", "distance_median", "condition_median", "similarity_mean_second_half",
     "solver_success_rate", "solver_iterations_mean", "solver_time_median_ms",
 )  # fmt: skip
-_LOOP_SUMS = (
-    "tightened", "fallbacks_shifted", "fallbacks_cold", "fallbacks_braking", "fallbacks_other",
-)  # fmt: skip
+_LOOP_SUMS = ("tightened", *(f"fallbacks_{word}" for word in FALLBACKS), "fallbacks_other")
 
 
 def closed_loop(loops: list[Row]) -> list[Row]:
@@ -159,6 +183,40 @@ def closed_loop(loops: list[Row]) -> list[Row]:
                 "violation_max": _worst(column(rows, "violation_max")),
                 "steps": sum(row["steps"] + 1 for row in rows),
                 **{name: sum(row[name] for row in rows) for name in _LOOP_SUMS},
+            }
+        )
+    return table
+
+
+_DISTANT_SUMS = ("steps_below_standoff", "lost", "plans", "answered_first", "given_up")
+
+
+def at_a_distance(loops: list[Row]) -> list[Row]:
+    """Table ``at_a_distance``: closed loops with limits besides thrust, each pair over its seeds.
+
+    Errors are relative to the range. A plan is answered first if the first solve of its step gave it, be it that a
+    limit had to give.
+    """
+    table = []
+    several = [row for row in loops if row.get("plans") is not None]
+    for key, rows in grouped(several, "case", "formulation", "solver").items():
+        error, low, high = interval(column(rows, "relative_error"), [row["run"] for row in rows], "mean")
+        sums = {name: sum(row[name] or 0 for row in rows) for name in _DISTANT_SUMS}
+        table.append(
+            {
+                **dict(zip(("case", "formulation", "solver"), key, strict=True)),
+                "runs": len(rows),
+                "relative_error": error,
+                "relative_error_low": low,
+                "relative_error_high": high,
+                "relative_error_10s": _of(np.mean, column(rows, "relative_error_10s")),
+                "distance_min": _of(np.min, column(rows, "distance_min")),
+                **sums,
+                "answered_share": sums["answered_first"] / sums["plans"] if sums["plans"] else np.nan,
+                **{f"fallbacks_{word}": sum(row[f"fallbacks_{word}"] for row in rows) for word in FALLBACKS},
+                "solver_time_median_ms": _of(np.mean, column(rows, "solver_time_median_ms")),
+                "solver_time_99_ms": _of(np.mean, column(rows, "solver_time_99_ms")),
+                "solver_time_max_ms": _of(np.max, column(rows, "solver_time_max_ms")),
             }
         )
     return table

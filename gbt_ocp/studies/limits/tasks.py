@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.studies.limits.formulations import COMPILED, FORMULATIONS, IPOPT, Share
 from gbt_ocp.studies.limits.sensitivity import sweeps
 from gbt_ocp.studies.limits.solves import MODES
-from gbt_ocp.studies.limits.treatments import COMPILED, FORMULATIONS, IPOPT, Pair, Share
+from gbt_ocp.studies.limits.treatments import Pair, unfit
 
 FORMAT = 1
 """Version of ``comparison.json``."""
@@ -81,9 +82,14 @@ class Plan:
     def seeds(self, pair: Pair, case: int) -> int:
         """Seeds that a pair gets in closed loop of an experiment."""
         share = self.share(pair)
-        if share.seeds == 0.0 or (case > 0 and not share.everywhere):
+        first = next((k for k in range(len(self.configurations)) if pair in self.pairs_of(k)), None)
+        if share.seeds == 0.0 or (case != first and not share.everywhere):
             return 0
         return max(1, round(self.runs * share.seeds))
+
+    def pairs_of(self, case: int) -> tuple[Pair, ...]:
+        """The pairs that an experiment can be treated with."""
+        return tuple(pair for pair in self.pairs if unfit(self.configurations[case], pair) is None)
 
     def share(self, pair: Pair) -> Share:
         """Which share of the work a pair gets."""
@@ -143,7 +149,7 @@ def measurements(plan: Plan, sizes: Sequence[int]) -> list[Task]:
 
 def _loops(plan: Plan, solver: str) -> Iterator[Task]:
     for case, configuration in enumerate(plan.configurations):
-        for pair in plan.pairs:
+        for pair in plan.pairs_of(case):
             if pair.solver == solver:
                 for seed in range(plan.seeds(pair, case)):
                     name = f"loop-{configuration.name}-{pair.formulation}-{pair.solver}-{seed}.csv"
@@ -152,14 +158,14 @@ def _loops(plan: Plan, solver: str) -> Iterator[Task]:
 
 def _sweeps(plan: Plan) -> Iterator[Task]:
     for case, configuration in enumerate(plan.configurations):
-        for sweep in sweeps(configuration, list(plan.pairs)):
+        for sweep in sweeps(configuration, list(plan.pairs_of(case))):
             name = f"sweep-{configuration.name}-{sweep.swept}-{sweep.pair.formulation}-{sweep.pair.solver}.csv"
             yield Task("sweep", name, case, sweep.pair, sweep)
 
 
 def _solves(plan: Plan, sizes: Sequence[int]) -> Iterator[Task]:
     for case, configuration in enumerate(plan.configurations):
-        for pair in plan.pairs:
+        for pair in plan.pairs_of(case):
             for mode in MODES:
                 for number, chunk in chunks(sizes[case], plan.share(pair).problems):
                     name = f"solve-{configuration.name}-{pair.formulation}-{pair.solver}-{mode}-{number}.csv"

@@ -1,184 +1,20 @@
-"""Treatments of the thrust limits: what each of them minimises, who can solve it, and why others cannot."""
+"""Treatments of the limits: formulations with solvers, and the planners of a configuration under them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
-
-from numpy.typing import ArrayLike
 
 from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError
 from gbt_ocp.ocp.codegen.library import CompilerError
-from gbt_ocp.ocp.planner import Planner
-from gbt_ocp.ocp.problem import TrajectoryProblem
-from gbt_ocp.ocp.shooting import ShootingPlanner
-from gbt_ocp.ocp.solvers.base import Solution
-from gbt_ocp.ocp.solvers.compiled import CompiledSolver
-from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
-from gbt_ocp.ocp.transcription import continuation
-from gbt_ocp.studies.limits.exchange import DoublingCompiledSolver, ExchangeIpoptSolver
-from gbt_ocp.studies.limits.soft import SoftCompiledSolver, SoftIpoptSolver
-from gbt_ocp.typing import Array
-
-IPOPT, COMPILED = "ipopt", "compiled"
-SOLVERS = (IPOPT, COMPILED)
-
-
-class StagedPenalty:
-    """The penalty of the paper handed to IPOPT at these (ϖ, w_p) one after the other, and nothing tried if one fails.
-
-    ``stages`` may be replaced between solves; ``form`` is one of :data:`gbt_ocp.ocp.solvers.ipopt.PENALTY_FORMS`.
-    """
-
-    name = IPOPT
-
-    def __init__(
-        self, problem: TrajectoryProblem, stages: Sequence[Sequence[tuple[float, float]]], form: str = "printed"
-    ) -> None:
-        self._solver = IpoptSolver(problem, {"penalty": form})
-        self.stages = stages
-
-    def solve(
-        self,
-        start: Array,
-        objectives: Sequence[Array],
-        guess: Array,
-        *,
-        cold: bool,
-        tightening: ArrayLike = 0.0,
-        limits: Sequence[Array] = (),
-    ) -> Solution:
-        """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.base.Solver.solve`."""
-        return self._solver.solve_stages(start, objectives, guess, self.stages, tightening=tightening, limits=limits)
-
-
-Make = Callable[[TrajectoryProblem], Any]
-"""From the problem to a planner."""
-
-
-def _planner(make: Callable[[TrajectoryProblem], Any]) -> Make:
-    return lambda problem: Planner(problem, make(problem))
-
-
-def _printed(problem: TrajectoryProblem) -> StagedPenalty:
-    return StagedPenalty(problem, [[(soft.width, soft.weight) for soft in problem.penalties]])
-
-
-def _continued(problem: TrajectoryProblem) -> StagedPenalty:
-    stages = zip(*(continuation(soft.width, soft.weight) for soft in problem.penalties), strict=True)
-    return StagedPenalty(problem, list(stages))
-
-
-@dataclass(frozen=True)
-class Share:
-    """How much of the work a slow solver gets, so that a comparison takes minutes.
-
-    Attributes
-    ----------
-    problems
-        Share of the problems in open loop, drawn from all of them.
-    seeds
-        Share of the seeds in closed loop, at least one seed unless it is zero.
-    everywhere
-        Whether closed loops are run for every configuration or for the first one alone.
-    """
-
-    problems: float = 1.0
-    seeds: float = 1.0
-    everywhere: bool = True
-
-
-@dataclass(frozen=True)
-class Formulation:
-    """One treatment.
-
-    Attributes
-    ----------
-    meaning
-        In one line.
-    penalty
-        Whether it starts from the problem with the paper's penalty, or from that with hard limits.
-    solvers
-        How each solver that can do it is made.
-    absent
-        Why another one cannot.
-    shares
-        Which share of the work a solver gets, by default all of it: a problem takes IPOPT thirty times as long as the
-        compiled solver, and with the printed penalty hundreds of times.
-    """
-
-    meaning: str
-    penalty: bool
-    solvers: dict[str, Make]
-    absent: dict[str, str] = field(default_factory=dict)
-    shares: dict[str, Share] = field(default_factory=dict)
-
-
-_SLOW = {IPOPT: Share(problems=0.5, seeds=0.0)}  # its solutions are those of the compiled solver, which steers
-_SLOWEST = {IPOPT: Share(problems=0.3, seeds=0.1)}
-_LONG_WAY = {IPOPT: Share(problems=0.3, seeds=0.1, everywhere=False)}  # beside another one that steers likewise
-
-_NO_KINKS = "the kernel takes the kinks as inequalities, which is the formulation elastic; it has no other way"
-
-FORMULATIONS: dict[str, Formulation] = {
-    "penalty": Formulation(
-        "the paper's penalty as printed: one smooth function for Newton's method",
-        True,
-        {IPOPT: _planner(_printed)},
-        {COMPILED: _NO_KINKS},
-        shares=_SLOWEST,
-    ),
-    "continuation": Formulation(
-        "the same penalty in three stages of falling ϖ and rising w_p, each from the last one's solution",
-        True,
-        {IPOPT: _planner(_continued)},
-        {COMPILED: "ϖ and w_p are fixed when the code is generated, and the kernel needs no stages: see elastic"},
-        shares=_LONG_WAY,
-    ),
-    "elastic": Formulation(
-        "the same penalty with its kinks as inequalities: the same minimisers",
-        True,
-        {
-            IPOPT: _planner(lambda problem: IpoptSolver(problem, {})),
-            COMPILED: _planner(lambda problem: CompiledSolver(problem, {})),
-        },
-        shares=_SLOW,
-    ),
-    "hard": Formulation(
-        "hard limits at n_c + 1 nodes a piece",
-        False,
-        {
-            IPOPT: _planner(lambda problem: IpoptSolver(problem, {})),
-            COMPILED: _planner(lambda problem: CompiledSolver(problem, {})),
-        },
-        shares=_SLOW,
-    ),
-    "exchange": Formulation(
-        "hard limits, with nodes added until the fine grid shows no violation (compiled: n_c doubled)",
-        False,
-        {IPOPT: _planner(ExchangeIpoptSolver), COMPILED: _planner(DoublingCompiledSolver)},
-        shares=_SLOW,
-    ),
-    "soft": Formulation(
-        "limits at the nodes with exact l1 slacks",
-        False,
-        {IPOPT: _planner(SoftIpoptSolver), COMPILED: _planner(SoftCompiledSolver)},
-        shares=_SLOW,
-    ),
-    "shooting": Formulation(
-        "multiple shooting with body thrust held over each period (another trajectory class, a yardstick)",
-        False,
-        {IPOPT: ShootingPlanner},
-        {COMPILED: "the kernel's recursion is that of flat pieces, not of an integrator"},
-        shares=_LONG_WAY,
-    ),
-}
-"""All treatments by name, the paper's own first."""
+from gbt_ocp.ocp.limit_classes import LimitClass
+from gbt_ocp.ocp.solvers.base import options_for
+from gbt_ocp.studies.limits.formulations import COMPILED, FORMULATIONS, SOLVERS, limits_in
 
 
 @dataclass(frozen=True)
@@ -224,7 +60,12 @@ def chosen_pairs(formulations: Iterable[str], solvers: Iterable[str]) -> list[Pa
     return pairs
 
 
-def described(pairs: Sequence[Pair]) -> list[dict[str, str]]:
+def unfit(configuration: Configuration, pair: Pair) -> str | None:
+    """Why a pair is not compared for a configuration, if it is not."""
+    return FORMULATIONS[pair.formulation].unfit(configuration)
+
+
+def described(pairs: Sequence[Pair], configurations: Sequence[Configuration]) -> list[dict[str, str]]:
     """Table ``formulations``: what each pair is, and why the others of these formulations do not exist."""
     rows = []
     for name in dict.fromkeys(pair.formulation for pair in pairs):
@@ -233,30 +74,40 @@ def described(pairs: Sequence[Pair]) -> list[dict[str, str]]:
         rows += [
             {"formulation": name, "solver": one, "meaning": f"none: {why}"} for one, why in formulation.absent.items()
         ]
+        for configuration in configurations:
+            why = formulation.unfit(configuration)
+            if why:
+                rows.append({"formulation": name, "solver": "", "meaning": f"not for {configuration.name}: {why}"})
     return rows
 
 
 def treated(configuration: Configuration, formulation: str, **changes: Any) -> Configuration:
     """The configuration with the problem that a formulation starts from, and other keys of ``planner`` replaced."""
-    kind = "penalty" if FORMULATIONS[formulation].penalty else "hard"
-    planner = configuration.planner.model_copy(
-        update={"formulation": kind, "solver": "auto", "solver_options": {}, **changes}
-    )
-    return configuration.model_copy(update={"planner": planner})
+    treatment = FORMULATIONS[formulation]
+    update = {"formulation": "penalty" if treatment.penalty else "hard", "solver": "auto", **changes}
+    planner = configuration.planner.model_copy(update=update)
+    last = treatment.exact or (LimitClass.THRUST if treatment.penalty else LimitClass.BELIEVED)
+    hard = tuple(name for name, found in limits_in(configuration).items() if found <= last)
+    limits = configuration.limits.model_copy(update={"hard": hard})
+    return configuration.model_copy(update={"planner": planner, "limits": limits})
 
 
 def make_planner(configuration: Configuration, pair: Pair, **changes: Any) -> Any:
-    """A fresh planner of a pair.
+    """A fresh planner of a pair, with the configuration's options for its solver.
 
     Raises
     ------
     ConfigurationError
         If the pair cannot be made for this configuration.
     """
-    treatment = treated(configuration, pair.formulation, **changes)
+    treatment, section = treated(configuration, pair.formulation, **changes), configuration.planner
+    # options under no solver's name are those of the solver that the configuration names
+    named = COMPILED if section.solver == "auto" else section.solver
+    options = options_for(pair.solver, section.solver_options, common=named == pair.solver)
+    options.pop("penalty", None)  # a formulation says this itself
     try:
         problem = build_problem(treatment, build_vehicle(treatment))
-        return FORMULATIONS[pair.formulation].solvers[pair.solver](problem)
+        return FORMULATIONS[pair.formulation].solvers[pair.solver](problem, options)
     except (CompilerError, NotGenerableError, ValueError) as fault:
         raise ConfigurationError([f"{configuration.name}: {pair.name}: {fault}"]) from fault
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 
+from gbt_ocp.simulation.summary import FALLBACKS
 from gbt_ocp.studies.limits.tables import Row, Tables, column
 from gbt_ocp.studies.limits.treatments import Pair
 
@@ -23,6 +24,7 @@ def verdict(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
         *_hard_against_penalty(tables, pairs),
         *_nodes(tables, pairs),
         *_closed_loops(tables, pairs),
+        *_at_a_distance(tables, pairs),
         *_stiffness(tables),
     ]
 
@@ -179,9 +181,7 @@ def _closed_loops(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
             violations = column(rows, "violation_max")
             # a run whose violation is not a number has no largest one
             broken = max(violations) if all(map(math.isfinite, violations)) else math.inf
-            counts = {
-                word: sum(row[f"fallbacks_{word}"] for row in rows) for word in ("shifted", "cold", "braking", "other")
-            }
+            counts = {word: sum(row[f"fallbacks_{word}"] for row in rows) for word in (*FALLBACKS, "other")}
             used = ", ".join(f"{count} {word}" for word, count in counts.items() if count) or "none"
             errors = "; ".join(f"{row['case']} {_error(row)}" for row in rows)
             lines.append(
@@ -201,6 +201,47 @@ def _closed_loops(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
             f"{largest['error_more']:+.2g} m ({largest['pair']}, {largest['case']}) (table closed_loop_paired)."
         )
     return lines
+
+
+def _at_a_distance(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
+    """Of each configuration with limits besides thrust: every pair, and which is to be preferred."""
+    lines = []
+    table = tables["at_a_distance"]
+    for case in dict.fromkeys(row["case"] for row in table):
+        found = {pair: row for pair in pairs for row in _rows(table, pair) if row["case"] == case}
+        lines += [_of_distant(case, pair, row) for pair, row in found.items()]
+        # what a vehicle must not do comes before how well it does the rest
+        order = sorted(found, key=lambda pair: (_harm(found[pair]), found[pair]["relative_error"]))
+        if len(order) > 1:
+            best = order[0]
+            equal = [
+                pair.name
+                for pair in order[1:]
+                if _harm(found[pair]) == _harm(found[best])
+                and found[pair]["relative_error_low"] <= found[best]["relative_error_high"]
+            ]
+            beside = f"; beside it, with intervals of the error that overlap: {', '.join(equal)}" if equal else ""
+            lines.append(
+                f"{case}: fewest targets lost, then fewest samples nearer than the standoff, then the fewest steps "
+                f"that were left to braking, then the least error: {best.name}{beside} (table at_a_distance)."
+            )
+    return lines
+
+
+def _harm(row: Row) -> tuple[int, int, int]:
+    return row["lost"], row["steps_below_standoff"], row["fallbacks_braking"]
+
+
+def _of_distant(case: str, pair: Pair, row: Row) -> str:
+    used = ", ".join(f"{row[f'fallbacks_{word}']} {word}" for word in FALLBACKS if row[f"fallbacks_{word}"]) or "none"
+    return (
+        f"{case}, {pair.name} ({row['runs']} seeds): first solve answered in {_share(row['answered_share'])} of "
+        f"{row['plans']} plans, a limit given up in {row['given_up']}, fallbacks {used}; error "
+        f"{100.0 * row['relative_error']:.3g} % of the range, {row['lost']} lost, {row['steps_below_standoff']} "
+        f"samples nearer than the standoff (least range {_short(row['distance_min'])} m); planner "
+        f"{_short(row['solver_time_median_ms'])} ms, 99 % {_short(row['solver_time_99_ms'])} ms, at most "
+        f"{_short(row['solver_time_max_ms'])} ms (table at_a_distance)."
+    )
 
 
 def _error(row: Row) -> str:
