@@ -144,6 +144,12 @@ class PlannedMotion:
             self.desired.pace(time, float(np.linalg.norm(line)))
         elif self._begin_at_sight:
             self.desired = self.desired.beginning_at(time, line)
-        plan = self.planner.solve(flat, **self._data(time, forecast, self._joint))
+        plan = self.planner.solve(_continued(flat, problem.joined), **self._data(time, forecast, self._joint))
         self._plan, self._followed = plan if isinstance(plan, Plan) else None, 0
         return plan
+
+
+def _continued(flat: Array, joined: int) -> Array:
+    """Derivatives 0 … joined-1 of the flat output ``(joined, n)``, with zeros for those that are not known."""
+    missing = max(0, joined - len(flat))
+    return np.vstack([flat[:joined], np.zeros((missing, flat.shape[1]))])

@@ -8,7 +8,7 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
-from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.models.vehicles import Vehicle, acceleration
 from gbt_ocp.ocp.follower import BANDWIDTH, Follower, samples
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory
@@ -32,7 +32,8 @@ class Move:
     Attributes
     ----------
     flat
-        Derivatives of the flat output at its end ``(L, n)``; those above the velocity are the plan's.
+        Derivatives of the flat output at its end, as many as are known ``(>=2, n)``: those above the velocity are the
+        plan's, or the acceleration is that under the inputs that were held.
     state
         State of the forward dynamics at its end.
     thrust
@@ -91,9 +92,11 @@ class Mover:
         self._motion = Motion(Plant(vehicle) if plant is None else plant)
         self._follower = Follower(vehicle, bandwidth)
         n = vehicle.flat_dimension
-        point = [ca.SX.sym(name, n) for name in ("z", "dz", "ddz")]
-        self._thrust_at = ca.Function("thrust", point, [vehicle.inputs(*point)])
+        z, dz, ddz = (ca.SX.sym(name, n) for name in ("z", "dz", "ddz"))
+        self._thrust_at = ca.Function("thrust", [z, dz, ddz], [vehicle.inputs(z, dz, ddz)])
         self._thrust = self._thrust_at.map(GRID)
+        held = ca.SX.sym("thrust", len(vehicle.thrust_max))
+        self._accelerated = ca.Function("accelerated", [z, dz, held], [acceleration(vehicle, z, dz, held)])
 
     def follow(self, state: Array, plan: Plan) -> Move:
         """Execute a plan for one period, from what has elapsed of it."""
@@ -120,7 +123,9 @@ class Mover:
         """Integrate the forward dynamics under constant inputs."""
         end = self._motion.advance(state, lambda s: thrust, self._period)
         z, dz = self._vehicle.flat(end)
-        return Move(np.vstack([z, dz]), end, thrust, np.abs(thrust) / self._vehicle.thrust_max)
+        ddz = np.asarray(self._accelerated(z, dz, thrust)).ravel()
+        flat = np.vstack([z, dz, np.where(np.isfinite(ddz), ddz, 0.0)])  # no number where the flatness map is singular
+        return Move(flat, end, thrust, np.abs(thrust) / self._vehicle.thrust_max)
 
     def place(self, state: Array, position: Array) -> Move:
         """Put the vehicle somewhere, at rest and with the same yaw; there is no thrust to speak of."""
