@@ -9,7 +9,7 @@ import numpy as np
 
 from gbt_ocp.models.vehicles import acceleration
 from gbt_ocp.ocp.problem_data import ProblemData
-from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory, flat_point, propagate
+from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory, flat_point, propagate, settling
 from gbt_ocp.typing import Array
 
 BRAKING_POINTS = 11
@@ -25,7 +25,8 @@ INSIDE = 0.998
 class BrakingPlanner:
     """Slows down as hard as the thrust allows, piece by piece; other limits are not looked at.
 
-    A piece starts from the acceleration that stops within it. Wherever the thrust of that exceeds its limits, the
+    A piece starts from the acceleration that stops within it, or within as many pieces as derivatives are inherited
+    (:func:`~gbt_ocp.ocp.trajectory.settling`). Wherever the thrust of that exceeds its limits, the
     acceleration is moved by what the excess of thrust accelerates, point by point along the piece and again until no
     point exceeds any more: cyclic projections onto sets that are nearly convex, since thrust is affine in the
     acceleration. Where that does not end within :data:`ROUNDS`, drifting (thrust zero at the beginning) is the second
@@ -61,9 +62,8 @@ class BrakingPlanner:
         problem, n = self._problem, knot.shape[1]
         best, best_key = np.zeros(problem.freedoms), (np.inf, np.inf)
         drift = np.asarray(self._acceleration(knot[0], knot[1], np.zeros(len(problem.vehicle.thrust_max)))).ravel()
-        for aim in (-knot[1] / problem.period, np.where(np.isfinite(drift), drift, 0.0)):
-            # where the acceleration is inherited, the one at the end of the piece is aimed instead
-            lowest = aim if problem.joined == 2 else (aim - knot[2]) / problem.period ** (problem.joined - 2)
+        for first, aim in ((1, np.zeros(n)), (2, np.where(np.isfinite(drift), drift, 0.0))):
+            lowest = settling(knot, first, aim, problem.period)
             candidate, broken = self._projected(knot, np.concatenate([lowest, np.zeros(problem.freedoms - n)]))
             end = FlatTrajectory(problem.period, knot, candidate[None]).knots[1, 1]
             key = (broken, float(np.sum((end / problem.vehicle.acceleration_scale) ** 2)))

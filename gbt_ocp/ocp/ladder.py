@@ -13,7 +13,7 @@ from gbt_ocp.ocp.check import LimitCheck
 from gbt_ocp.ocp.limit_classes import LimitClass, limit_class
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.solvers.base import GIVEN_UP, OUT_OF_ITERATIONS, Solution, Solver, Step
-from gbt_ocp.ocp.trajectory import FlatTrajectory
+from gbt_ocp.ocp.trajectory import FlatTrajectory, settling
 from gbt_ocp.ocp.transcription import input_scale
 from gbt_ocp.typing import Array
 
@@ -199,8 +199,9 @@ class Ladder:
 
 
 def cold_guess(problem: ProblemData, start: Array) -> Array:
-    """Coasting, u ``(p, freedoms)``: constant velocity, higher derivatives brought to zero within the first piece."""
-    guess, n = np.zeros((problem.pieces, problem.freedoms)), start.shape[1]
-    if problem.joined > 2:
-        guess[0, :n] = -start[-1] / problem.period / input_scale(problem)[:n]
-    return guess
+    """Coasting, u ``(p, freedoms)``: constant velocity, inherited derivatives above it brought to zero at once."""
+    top, n, knot = np.zeros((problem.pieces, problem.freedoms)), start.shape[1], start
+    for piece in top:
+        piece[:n] = settling(knot, 2, np.zeros(n), problem.period)
+        knot = FlatTrajectory(problem.period, knot, piece[None]).knots[1]
+    return top / input_scale(problem)

@@ -53,6 +53,35 @@ def propagate(derivatives: Sequence[Any], free: Sequence[Any], time: float) -> l
     return out
 
 
+SETTLING = ((1.0,), (1.0, 3 / 2), (1.0, 2.0, 11 / 6), (1.0, 5 / 2, 35 / 12, 25 / 12))
+"""Gains that bring chains of one to four integrators to rest in as many steps of one second: all poles at zero."""
+
+
+def settling(inherited: Array, first: int, aim: ArrayLike, period: float) -> Array:
+    """The lowest free derivative of a piece ``(n,)`` that settles those from ``first`` on.
+
+    Where it is chosen so in every piece, derivative ``first`` becomes ``aim`` and those above it zero in as many pieces
+    as there are inherited ones of them.
+
+    Parameters
+    ----------
+    inherited
+        Derivatives at the beginning of the piece ``(k+1, n)``.
+    first
+        At most k+1, which is the lowest free one.
+    aim
+        ``(n,)``.
+    period
+        T in s.
+    """
+    chain = np.array(inherited[first:], dtype=float)
+    if not len(chain):
+        return np.asarray(aim, dtype=float)
+    chain[0] -= aim
+    powers = float(period) ** np.arange(len(chain), 0, -1)
+    return np.asarray(-(np.array(SETTLING[len(chain) - 1]) / powers) @ chain)
+
+
 def flat_point(derivatives: list[Any]) -> FlatPoint:
     """The first three entries of a list of derivatives."""
     return FlatPoint(derivatives[0], derivatives[1], derivatives[2])

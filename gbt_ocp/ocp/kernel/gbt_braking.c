@@ -65,7 +65,7 @@ static gbt_real projected(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real best[GB
 /* Fills in the lowest free derivative; those above it brake nothing and are zero. */
 static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT])
 {
-    static const gbt_real idle[GBT_INPUTS];
+    static const gbt_real idle[GBT_INPUTS], rest[GBT_FLAT];
     gbt_real next[GBT_ORDERS][GBT_FLAT], drift[GBT_FLAT], best[GBT_FLAT];
     gbt_real least = GBT_INFINITY, slowest = GBT_INFINITY;
     gbt_vehicle_acceleration(piece[0], piece[1], idle, drift);
@@ -73,11 +73,9 @@ static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT])
     for (int start = 0; start < 2; start++) {
         gbt_real found[GBT_FLAT], speed = 0;
         for (int j = 0; j < GBT_FLAT; j++) {
-            gbt_real aim = start == 0 ? -piece[1][j] / GBT_PERIOD : isfinite(drift[j]) ? drift[j] : 0;
-            /* where the acceleration is inherited, the one at the end of the piece is aimed instead */
-            if (GBT_JOINED > 2) aim = (aim - piece[2][j]) / gbt_pow(GBT_PERIOD, (gbt_real)(GBT_JOINED - 2));
-            piece[GBT_JOINED][j] = aim;
+            if (!isfinite(drift[j])) drift[j] = 0;
         }
+        gbt_settle(piece, start == 0 ? 1 : 2, start == 0 ? rest : drift);
         const gbt_real broken = projected(piece, found);
         for (int j = 0; j < GBT_FLAT; j++) piece[GBT_JOINED][j] = found[j];
         gbt_next_piece(piece, next);

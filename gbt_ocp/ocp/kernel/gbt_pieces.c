@@ -1,5 +1,7 @@
 #include "gbt_pieces.h"
 
+#include "gbt_math.h"
+
 void gbt_taylor(gbt_real s, gbt_real power[GBT_ORDERS])
 {
     power[0] = 1;
@@ -59,6 +61,40 @@ void gbt_next_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDE
 void gbt_propagate(gbt_real piece[][GBT_ORDERS][GBT_FLAT], int pieces)
 {
     for (int i = 1; i < pieces; i++) gbt_next_piece(piece[i - 1], piece[i]);
+}
+
+void gbt_settle(gbt_real piece[GBT_ORDERS][GBT_FLAT], int first, const gbt_real *aim)
+{
+    /* The gains that bring a chain of so many integrators to rest in as many steps of one second (all poles at zero). */
+    static const gbt_real gain[4][4] = {
+        {1},
+        {1, (gbt_real)3 / 2},
+        {1, 2, (gbt_real)11 / 6},
+        {1, (gbt_real)5 / 2, (gbt_real)35 / 12, (gbt_real)25 / 12},
+    };
+    const int inherited = GBT_JOINED - first;
+    for (int j = 0; j < GBT_FLAT; j++) {
+        gbt_real value = inherited == 0 ? aim[j] : 0;
+        for (int i = 0; i < inherited; i++)
+            value -= gain[inherited - 1][i] * (piece[first + i][j] - (i == 0 ? aim[j] : 0)) /
+                     gbt_pow(GBT_PERIOD, (gbt_real)(inherited - i));
+        piece[GBT_JOINED][j] = value;
+    }
+}
+
+void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top)
+{
+    gbt_real piece[GBT_ORDERS][GBT_FLAT], next[GBT_ORDERS][GBT_FLAT], aim[GBT_FLAT];
+    for (int j = 0; j < GBT_FLAT; j++)
+        aim[j] = aside * (gbt_real)(GBT_FLAT - j) / GBT_FLAT * gbt_acceleration_scale[j];
+    for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = start[a];
+    for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = 0;
+    for (int i = 0; i < GBT_PIECES; i++) {
+        gbt_settle(piece, 2, aim);
+        for (int a = 0; a < GBT_FREE; a++) top[i * GBT_FREE + a] = *gbt_free(piece, a);
+        gbt_next_piece(piece, next);
+        for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = next[a / GBT_FLAT][a % GBT_FLAT];
+    }
 }
 
 void gbt_adjoint(gbt_real gradient[][GBT_ORDERS][GBT_FLAT], int pieces, gbt_real out[][GBT_FREE])

@@ -28,6 +28,14 @@ void gbt_next_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDE
 /* Fills the inherited derivatives of all pieces but the first from what is free. */
 void gbt_propagate(gbt_real piece[][GBT_ORDERS][GBT_FLAT], int pieces);
 
+/* Sets the lowest free derivative of a piece so that derivative `first` of the flat output becomes `aim`, and those above
+   it zero, in as few pieces as there are inherited ones of them; what is free above it is not touched. */
+void gbt_settle(gbt_real piece[GBT_ORDERS][GBT_FLAT], int first, const gbt_real *aim);
+
+/* What is free in all pieces so that the acceleration settles at parts of its scale, aside of the first output and less
+   of the others; zero is coasting. */
+void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top);
+
 /* Gradient with respect to what is free in all pieces, from the one with respect to the numbers of each piece
    (which is spent): the adjoint of gbt_propagate. */
 void gbt_adjoint(gbt_real gradient[][GBT_ORDERS][GBT_FLAT], int pieces, gbt_real out[][GBT_FREE]);

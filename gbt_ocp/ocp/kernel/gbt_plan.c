@@ -39,15 +39,6 @@ static void shift(const gbt_planner *planner, gbt_real top[GBT_PIECES][GBT_FREE]
         for (int a = 0; a < GBT_FREE; a++) top[i][a] = i + 1 < GBT_PIECES ? planner->previous[i + 1][a] : 0;
 }
 
-/* Constant velocity, a higher derivative brought to zero within the first piece. */
-static void coast(const gbt_real *state, gbt_real top[GBT_PIECES][GBT_FREE])
-{
-    for (int i = 0; i < GBT_PIECES; i++)
-        for (int a = 0; a < GBT_FREE; a++)
-            top[i][a] =
-                i == 0 && a < GBT_FLAT && GBT_JOINED > 2 ? -state[GBT_STATE - GBT_FLAT + a % GBT_FLAT] / GBT_PERIOD : 0;
-}
-
 static int keep(gbt_real from[GBT_PIECES][GBT_FREE], gbt_real to[GBT_PIECES][GBT_FREE])
 {
     for (int i = 0; i < GBT_PIECES; i++)
@@ -196,7 +187,7 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
     if (planner->warm)
         shift(planner, plan->top);
     else
-        coast(state, plan->top);
+        gbt_coast(state, 0, plan->top[0]);
     /* a warm attempt leaves a third of the iterations to a cold one */
     plan->status = found = attempt(planner, state, parameters, planner->warm,
                                    planner->warm ? deadline - deadline / 3 : deadline, plan);
@@ -218,7 +209,7 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
         }
     }
     if (found != GBT_SOLVED && planner->warm) {
-        coast(state, plan->top);
+        gbt_coast(state, 0, plan->top[0]);
         plan->origin = GBT_COLD;
         found = attempt(planner, state, parameters, 0, deadline - plan->iterations, plan);
         if (found == GBT_ITERATION_LIMIT && !some) some = keep(plan->top, unfinished);

@@ -47,11 +47,12 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
             for (int c = 0; c <= a; c++) h[a][c] = work->curvature[i][a][c];
         for (int a = 0; a < GBT_STATE && i == work->pieces - 1; a++)
             for (int c = 0; c < GBT_STATE; c++) rest[a][c] = 0;
-        for (int a = 0; a < GBT_FLAT; a++) {
-            const gbt_real unit = gbt_input_scale[a] * gbt_pow(GBT_PERIOD, (gbt_real)(GBT_JOINED - 1));
-            rest[GBT_FLAT + a][GBT_FLAT + a] += delta / (unit * unit);
+        for (int a = GBT_FLAT; a < GBT_STATE; a++) {
+            const gbt_real unit =
+                gbt_input_scale[a % GBT_FLAT] * gbt_pow(GBT_PERIOD, (gbt_real)(GBT_JOINED - a / GBT_FLAT));
+            rest[a][a] += delta / (unit * unit);
         }
-        /* what the rate at the end does not see */
+        /* what the derivatives at the end do not see */
         for (int a = GBT_FLAT; a < GBT_FREE; a++)
             h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
         add_rest(power, rest, h);

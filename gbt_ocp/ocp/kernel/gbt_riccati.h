@@ -7,11 +7,12 @@
 
 GBT_BEGIN_C
 
-/* Factorises work->curvature, with delta added for every rate at the end of a piece, in units of what an input of one
-   changes it by within the piece. (Added to the inputs themselves, a long horizon would need far more of it: all later
-   rates change with an early input.) The pivots of the recursion are those of a block Cholesky
-   factorisation of the Hessian with respect to all unknowns, last piece first: returns 1 if that is positive definite,
-   0 if not. */
+/* Factorises work->curvature, with delta added for every derivative that is joined, from the rate on, at the end of a
+   piece, in units of what an input of one changes it by within the piece. (Added to the inputs themselves, a long
+   horizon would need far more of it: all later rates change with an early input. Added to the rates alone, it would
+   leave derivatives above them free to alternate from piece to piece.) The pivots of the recursion are those of a block
+   Cholesky factorisation of the Hessian with respect to all unknowns, last piece first: returns 1 if that is positive
+   definite, 0 if not. */
 int gbt_factorise(gbt_workspace *work, gbt_real delta);
 
 /* work->step from the gradient with respect to the numbers of each piece, which is spent. */

@@ -10,7 +10,9 @@
 #define TAIL (GBT_PIECES < 16 ? GBT_PIECES / 2 : 8)
 #define SHORT 5 /* pieces of a horizon that needs no such help */
 #define ROUGH ((gbt_real)1e-2)
-#define ASIDE ((gbt_real)0.1) /* of the full thrust, at a second start */
+/* Part of the full thrust at a second start, to one side: a start that is symmetric about the line of sight gives steps
+   that are so too, and may creep along a ridge between two plans. */
+#define ASIDE ((gbt_real)0.1)
 
 /* mu of each start over that of the first */
 static const gbt_real barrier_of_start[] = {1, 3, 10, (gbt_real)0.3};
@@ -46,20 +48,6 @@ static void store(gbt_workspace *work, int first, gbt_real *u)
     for (int i = 0; i < work->pieces; i++)
         for (int a = 0; a < GBT_FREE; a++)
             u[(first + i) * GBT_FREE + a] = *gbt_free(work->piece[i], a) / gbt_input_scale[a];
-}
-
-/* Constant velocity, and a little thrust to one side: a start that is symmetric about the line of sight gives steps that
-   are so too, and may creep along a ridge between two plans. An inherited acceleration, or what is inherited above it, is
-   brought to zero within the first piece. */
-static void coast_aside(const gbt_real *start, gbt_real *u)
-{
-    for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) u[k] = 0;
-    for (int i = 0; i < GBT_PIECES; i++)
-        for (int j = 0; j < GBT_FLAT; j++) {
-            gbt_real *lowest = &u[i * GBT_FREE + j];
-            *lowest = ASIDE * (gbt_real)(GBT_FLAT - j) / GBT_FLAT;
-            if (i == 0 && GBT_JOINED > 2) *lowest -= start[GBT_STATE - GBT_FLAT + j] / GBT_PERIOD / gbt_input_scale[j];
-        }
 }
 
 /* A shifted plan is optimal nearly everywhere but at its end, where the new piece coasts and the pieces before it were
@@ -119,7 +107,8 @@ gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const 
             result->objective = -work->f;
             store(work, 0, u);
         }
-        coast_aside(start, work->guess);
+        gbt_coast(start, ASIDE, work->guess);
+        for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) work->guess[k] /= gbt_input_scale[k % GBT_FREE];
     } while (status > GBT_LIMIT_VIOLATED && status != GBT_GIVEN_UP && result->starts < STARTS && result->iterations < settings->deadline);
     return result->status;
 }
