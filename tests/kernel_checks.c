@@ -45,26 +45,25 @@ static void spread(const double *dx)
 /* The Hessian with respect to all that is free, dense, from the ones of the pieces. */
 static void dense(double delta, double h[N][N])
 {
-    static double change[N][GBT_PIECES][GBT_PIECE], rates[N][GBT_PIECES][GBT_FLAT];
+    static double change[N][GBT_PIECES][GBT_PIECE], ends[N][GBT_PIECES][GBT_ORDERS][GBT_FLAT];
     for (int a = 0; a < N; a++) {
         double dx[N] = {0};
         dx[a] = 1;
         spread(dx);
         for (int k = 0; k < GBT_PIECES * GBT_PIECE; k++) (&change[a][0][0])[k] = (&work.step[0][0][0])[k];
         for (int i = 0; i < GBT_PIECES; i++) {
-            double next[GBT_ORDERS][GBT_FLAT];
-            gbt_next_piece(work.step[i], next);
-            for (int j = 0; j < GBT_FLAT; j++) rates[a][i][j] = next[1][j];
+            gbt_next_piece(work.step[i], ends[a][i]);
         }
     }
     for (int a = 0; a < N; a++)
         for (int b = 0; b < N; b++) {
             h[a][b] = 0;
             for (int i = 0; i < GBT_PIECES; i++)
-                for (int j = 0; j < GBT_FLAT; j++) {
-                    const double unit = gbt_input_scale[j] * pow(GBT_PERIOD, GBT_JOINED - 1);
-                    h[a][b] += delta / (unit * unit) * rates[a][i][j] * rates[b][i][j];
-                }
+                for (int o = 1; o < GBT_JOINED; o++)
+                    for (int j = 0; j < GBT_FLAT; j++) {
+                        const double unit = gbt_input_scale[j] * pow(GBT_PERIOD, GBT_JOINED - o);
+                        h[a][b] += delta / (unit * unit) * ends[a][i][o][j] * ends[b][i][o][j];
+                    }
             /* what is free above the lowest order is damped by itself */
             if (a == b && a % GBT_FREE >= GBT_FLAT) {
                 const double size = gbt_input_scale[a % GBT_FREE];

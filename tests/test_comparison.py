@@ -23,10 +23,11 @@ from gbt_ocp.studies.limits import sensitivity, treatments
 from gbt_ocp.studies.limits import tasks as plan
 from gbt_ocp.studies.limits.carry_out import CarryOut
 from gbt_ocp.studies.limits.figures import COLOURS
+from gbt_ocp.studies.limits.formulations import COMPILED, FORMULATIONS, IPOPT, SOLVERS, Formulation, _planner
 from gbt_ocp.studies.limits.problems import Problems, draw, record
 from gbt_ocp.studies.limits.soft import SoftIpoptSolver
 from gbt_ocp.studies.limits.solves import solve_chunk
-from gbt_ocp.studies.limits.treatments import COMPILED, IPOPT, Formulation, Pair, make_planner, treated
+from gbt_ocp.studies.limits.treatments import Pair, make_planner, treated
 
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
@@ -167,7 +168,7 @@ def test_an_interrupted_comparison_goes_on_where_it_stopped(few, tmp_path, monke
 
 def test_slow_pairs_get_a_share_of_the_work_unless_all_is_asked_for():
     configurations = load_config("case2"), load_config("case3")
-    pairs = treatments.chosen_pairs(treatments.FORMULATIONS, treatments.SOLVERS)
+    pairs = treatments.chosen_pairs(FORMULATIONS, SOLVERS)
     some, full = (plan.Plan(configurations, tuple(pairs), 10, 200, full=full) for full in (False, True))
 
     def work(of):
@@ -237,7 +238,7 @@ class Fails:
 
     name = IPOPT
 
-    def __init__(self, problem):
+    def __init__(self, problem, options):
         self.problem = problem
 
     def solve(self, start, objectives, guess, *, cold, tightening=0.0, limits=()):
@@ -245,8 +246,8 @@ class Fails:
 
 
 def test_a_formulation_that_fails_is_shown_failing(few, tmp_path, monkeypatch):
-    failing = Formulation("never solves", False, {IPOPT: treatments._planner(Fails)})
-    kept = {**treatments.FORMULATIONS, "failing": failing}
+    failing = Formulation("never solves", False, {IPOPT: _planner(Fails)})
+    kept = {**FORMULATIONS, "failing": failing}
     monkeypatch.setattr(treatments, "FORMULATIONS", kept)
     monkeypatch.setattr(plan, "FORMULATIONS", kept)
     monkeypatch.setitem(COLOURS, "failing", "black")
@@ -358,7 +359,7 @@ def test_a_folder_of_something_else_is_left_alone(done, few, tmp_path):
 
 
 def test_the_command_line_names_all_treatments():
-    assert ", ".join(treatments.FORMULATIONS) == COMPARED
+    assert ", ".join(FORMULATIONS) == COMPARED
 
 
 def test_soft_limits_and_shooting_answer_the_same_questions(tmp_path):

@@ -133,6 +133,7 @@ def all_tables(loops):
         "open_loop": summaries.open_loop(solves),
         "paired": summaries.paired(solves, [PENALTY, HARD]),
         "closed_loop": summaries.closed_loop(loops),
+        "at_a_distance": summaries.at_a_distance(loops),
         "closed_loop_paired": summaries.closed_loop_paired(loops, [PENALTY, HARD]),
         "sensitivity": [],
     }
@@ -197,7 +198,7 @@ def test_sentences_follow_from_the_numbers(tmp_path):
 def test_a_treatment_that_solves_nothing_is_said_to():
     solves = summaries.with_gaps([solve(PENALTY, k, np.nan, solved=0) for k in range(3)], [])
     tables = {"open_loop": summaries.open_loop(solves), "paired": [], "sensitivity": []}
-    tables |= {"closed_loop": [], "closed_loop_paired": []}
+    tables |= {"closed_loop": [], "closed_loop_paired": [], "at_a_distance": []}
     sentences = verdict(tables, [PENALTY])
     assert "No pair solved every problem (table open_loop)." in sentences
     assert "penalty, ipopt: solved no problem (table open_loop)." in sentences
@@ -210,7 +211,7 @@ def test_the_verdict_on_stiffness_names_where_solves_begin_to_fail():
             "mode": "cold", "kink_mm": 100.0 / stiffness, "stiffness": stiffness, "problems": 10, "solved": solved,
         }  # fmt: skip
 
-    tables = {name: [] for name in ("open_loop", "paired", "closed_loop", "closed_loop_paired")}
+    tables = {name: [] for name in ("open_loop", "paired", "closed_loop", "closed_loop_paired", "at_a_distance")}
     swept = [at(10.0, 10), at(50.0, 10), at(200.0, 7), at(1000.0, 1)]
     (sentence,) = verdict({**tables, "sensitivity": swept}, [])
     assert "in every problem up to a stiffness of 50 and not all from 200 on" in sentence

@@ -10,6 +10,7 @@ from gbt_ocp.cli.folders import refuse_unwritable
 from gbt_ocp.cli.output import remark, show
 from gbt_ocp.cli.subcommand import Subcommand
 from gbt_ocp.experiments.config.faults import ConfigurationError
+from gbt_ocp.experiments.config.guidance import PlannerGuidance
 from gbt_ocp.experiments.config.loading import load_config
 
 
@@ -36,7 +37,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     from gbt_ocp.ocp.export.folder import write_c
     from gbt_ocp.ocp.export.ipopt_source import write_ipopt_folder
     from gbt_ocp.ocp.export.names import checked_prefix
-    from gbt_ocp.ocp.export.vectors import STEPS
+    from gbt_ocp.ocp.export.vectors import OFFERED
     from gbt_ocp.ocp.export.verification import verify_folder
     from gbt_ocp.ocp.solvers.base import options_for
 
@@ -54,8 +55,9 @@ def _carry_out(arguments: argparse.Namespace) -> int:
         options = options_for(solver, section.solver_options, common=named == solver)
         if solver == "compiled":
             planner = Planner(problem, solver, options)
-            # steps of an objective from the moments of a forecast are made up; others are those of the closed loop
-            steps = None if from_moments(problem) else recorded_steps(configuration, planner, STEPS)
+            # of the closed loop; made up only where nothing is planned there, which the moments of a forecast allow
+            planned = isinstance(configuration.guidance, PlannerGuidance)
+            steps = recorded_steps(configuration, planner, OFFERED) if planned or not from_moments(problem) else None
             write_c(planner, arguments.out, steps, prefix)
         else:
             write_ipopt_folder(problem, options, arguments.out, prefix)

@@ -19,7 +19,10 @@ from gbt_ocp.ocp.solvers.compiled import STATUSES, moments_of_step
 from gbt_ocp.typing import Array
 
 STEPS = 20
-"""How many steps are recorded where the caller brings none."""
+"""How many steps are recorded, at most."""
+
+OFFERED = 30
+"""How many steps to bring for that, since some hang on rounding."""
 
 SHAKE = 1.0e-11
 """Relative change of the state under which a step must keep its plan to be recorded."""
@@ -97,7 +100,7 @@ def record(planner: Planner, steps: Sequence[Mapping[str, Any]] | None = None) -
         for name, values in row.items():
             rows.setdefault(name, []).append(np.asarray(values, dtype=float).ravel())
         statuses.append(STATUSES.index(plan.status))
-        if steps is None and len(statuses) == STEPS:
+        if len(statuses) == STEPS:
             break
     if not statuses:
         raise ValueError(f"steps: found {number + 1}, all of them with plans that rounding decides; allowed: others")

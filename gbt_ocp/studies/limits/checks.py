@@ -18,7 +18,11 @@ from gbt_ocp.studies.limits.tables import Row, read_rows
 from gbt_ocp.studies.limits.tasks import Plan, Task
 
 _SOLVE = ("run", "problem", "solved", "iterations", "time_ms", "objective", "violation_nodes", "violation_between")
-_LOOP = ("run", "steps", "tightened", "clipped", *(f"fallbacks_{word}" for word in (*FALLBACKS, "other")))
+_LATER = ("fallbacks_unfinished",)
+"""Columns that folders of earlier versions do not have."""
+
+_COUNTS = tuple(f"fallbacks_{word}" for word in (*FALLBACKS, "other"))
+_LOOP = ("run", "steps", "tightened", "clipped", *(name for name in _COUNTS if name not in _LATER))
 NUMBERS = {
     "solve": _SOLVE,
     "sweep": _SOLVE,
@@ -65,7 +69,7 @@ def _check_row(row: Row, key: Row, kind: str, number: int) -> None:
         if str(found) != str(value):  # a name may look like a number
             raise ValueError(f"row {number}: {name}: found {found!r:.40}; allowed: {value!r}")
     for name in (*NUMBERS[kind], *OPTIONAL[kind]):
-        found = row.get(name, "nothing")
+        found = row.get(name, "no such column")
         if not (isinstance(found, int | float) or (found is None and name in OPTIONAL[kind])):
             raise ValueError(f"row {number}: {name}: found {found!r:.40}; allowed: a number")
 

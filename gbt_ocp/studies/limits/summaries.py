@@ -182,7 +182,7 @@ def closed_loop(loops: list[Row]) -> list[Row]:
                 "error_settled_worst": _worst(column(rows, "error_settled")),
                 "violation_max": _worst(column(rows, "violation_max")),
                 "steps": sum(row["steps"] + 1 for row in rows),
-                **{name: sum(row[name] for row in rows) for name in _LOOP_SUMS},
+                **{name: sum(row.get(name) or 0 for row in rows) for name in _LOOP_SUMS},
             }
         )
     return table

@@ -18,6 +18,8 @@ TRUSTED = 0.99
 
 def verdict(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
     """Sentences, the general ones first; each ends with the tables that it rests on."""
+    # of those that fit a configuration
+    pairs = [pair for pair in pairs if _rows(tables["open_loop"], pair)]
     return [
         *_winners(tables, pairs),
         *(_of_pair(tables, pair, pairs[0]) for pair in pairs),
