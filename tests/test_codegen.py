@@ -274,7 +274,7 @@ def test_the_tutorial_s_own_objective_is_generated_from_the_command_line(tmp_pat
     assert cli.main(["codegen", str(TUTORIAL), "--out", str(folder), "--verify", "--prefix", "eco_"]) == 0
     found = int(re.search(r"(\d+) recorded steps", capsys.readouterr().out)[1])
     assert found > 10
-    history = run(str(TUTORIAL), overrides=["planner.solver=compiled", "duration_s=2"]).history
+    history = run(str(TUTORIAL), overrides=["planner.solver=compiled", "duration_s=3"]).history
     text = (folder / "vectors.h").read_text()
     rows = re.search(r"vector_endpoints\[\d+\]\[\d+\] = \{(.*?)\};", text, re.DOTALL)[1]
     recorded = np.array([row.split(",") for row in re.findall(r"[^{}]*\d[^{}]*", rows)], dtype=float)
