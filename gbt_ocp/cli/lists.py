@@ -11,7 +11,7 @@ from pathlib import Path
 from gbt_ocp.cli.exit_codes import DONE
 from gbt_ocp.cli.output import show
 from gbt_ocp.cli.subcommand import Subcommand
-from gbt_ocp.experiments.build.trackers import TRACKERS
+from gbt_ocp.experiments.build.tracker_kinds import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.guidance import GUIDANCE_LAWS
 from gbt_ocp.experiments.config.json_schema import json_schema

@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gbt_ocp.experiments.build.trackers import TRACKERS
+from gbt_ocp.experiments.build.tracker_kinds import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.faults import NOTHING, Fault, shown, value_at
 from gbt_ocp.experiments.config.keys import Section

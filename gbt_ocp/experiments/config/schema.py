@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, Union
 from pydantic import Field
 from pydantic.fields import FieldInfo
 
-from gbt_ocp.experiments.build.tracker_kinds import TrackerKind
-from gbt_ocp.experiments.build.trackers import TRACKERS
+from gbt_ocp.experiments.build.tracker_kinds import TRACKERS, TrackerKind
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config import yaml_dialect as dialect
 from gbt_ocp.experiments.config.allowed import holds_texts

@@ -1,6 +1,6 @@
 """The section ``tracker``: how the target's motion is estimated, one class a kind.
 
-:mod:`gbt_ocp.experiments.build.trackers` lists the kinds, each with its section and the function that builds it.
+:mod:`gbt_ocp.experiments.build.tracker_kinds` lists the kinds, each with its section and the function that builds it.
 """
 
 from __future__ import annotations
