@@ -22,7 +22,7 @@ from gbt_ocp.experiments.sweep import carry_out as sweeping
 from gbt_ocp.experiments.sweep import execution, task_folder
 from gbt_ocp.experiments.sweep.carry_out import SweepInterrupted, sweep
 from gbt_ocp.experiments.sweep.engines import Serial, WorkerDiedError
-from gbt_ocp.experiments.sweep.plan import SweepPlan, plan_sweep, variant
+from gbt_ocp.experiments.sweep.sweep_plan import SweepPlan, plan_sweep, variant
 from gbt_ocp.experiments.sweep.table import WALL_CLOCK_COLUMNS, write_table
 from gbt_ocp.files import PARTIAL, whole_folder
 

@@ -238,7 +238,7 @@ def coupled(labels, number, wrong=0.0):
 
 
 def test_fig9_reads_errors_bounds_and_signs(monkeypatch):
-    monkeypatch.setattr(fig9, "_replayed", lambda *_: fig9.Replay(6.0, (10, 10)))
+    monkeypatch.setattr(fig9, "_replayed", lambda *_: fig9.ReplayOutcome(6.0, (10, 10)))
     report = fig9.conduct(MadeUp(coupled))
     assert verdicts(report, "settled error below 0.1 m") == [False, True] * 2
     assert verdicts(report, "within the bound") == [False, True] * 2

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from gbt_ocp.experiments.config import tracker as sections
-from gbt_ocp.experiments.config.noise import Noise, NoisyBearings
+from gbt_ocp.experiments.config.noise import NoiseSection, NoisyBearingsSection
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.tracking.displacement.hypotheses import MotionPriors
 from gbt_ocp.tracking.displacement.tracker import NoisyGaussianProcessTracker
@@ -53,14 +53,14 @@ def gaussian_process(
     )
 
 
-def _noise_of(section: sections.GaussianProcessSection, sensor: BearingSensor) -> NoisyBearings | None:
+def _noise_of(section: sections.GaussianProcessSection, sensor: BearingSensor) -> NoisyBearingsSection | None:
     """How the tracker treats noise; ``None`` if it takes bearings for exact."""
     if section.noise == "sensor":
-        return NoisyBearings() if sensor.noise > 0.0 else None
+        return NoisyBearingsSection() if sensor.noise > 0.0 else None
     return section.noise
 
 
-def _noisy(section: NoisyBearings, prior: PositionPrior, sensor: BearingSensor) -> NoisyGaussianProcessTracker:
+def _noisy(section: NoisyBearingsSection, prior: PositionPrior, sensor: BearingSensor) -> NoisyGaussianProcessTracker:
     """The Gaussian process for noisy bearings."""
     return NoisyGaussianProcessTracker(
         len(prior.start),
@@ -81,7 +81,7 @@ def _noisy(section: NoisyBearings, prior: PositionPrior, sensor: BearingSensor) 
     )
 
 
-def _noise(section: Noise, deviation: float) -> BearingNoise:
+def _noise(section: NoiseSection, deviation: float) -> BearingNoise:
     """Noise with a white part of a deviation in radians."""
     return BearingNoise(
         deviation,

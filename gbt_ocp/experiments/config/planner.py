@@ -9,7 +9,7 @@ from pydantic import AfterValidator, ValidationInfo
 
 from gbt_ocp.experiments.config.keys import Section, key
 
-SOLVERS = {
+SOLVER_CHOICES = {
     "auto": "compiled where a C compiler is found, ipopt otherwise",
     "compiled": "interior point in C99, generated for the problem",
     "ipopt": "interior point (IPOPT through CasADi), the reference",
@@ -32,7 +32,7 @@ def _plain_options(value: dict[str, Any]) -> dict[str, Any]:
     return value
 
 
-class Planner(Section):
+class PlannerSection(Section):
     """The trajectory optimisation."""
 
     pieces: int = key(5, "p, pieces of the trajectory.", "a whole number from 1 to tracker.forecast (p <= n)", ge=1)

@@ -41,7 +41,7 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class Step:
+class PlannerStep:
     """One step of a planner, with all its attempts.
 
     Attributes
@@ -85,7 +85,7 @@ class PlansSteps(Protocol):
         limits: Sequence[Array],
         previous: Array | None,
         data: Mapping[str, Any],
-    ) -> Step:
+    ) -> PlannerStep:
         """Plan from a start.
 
         Parameters

@@ -11,9 +11,9 @@ from typing import Any
 from markdown import markdown
 
 from gbt_ocp.files import whole_file
-from gbt_ocp.studies.limits.tables import FIGURES, Row, Tables
+from gbt_ocp.studies.limits.comparison_tables import CAPTIONS, Row, Tables
 
-_STYLE = (
+_PAGE_STYLE = (
     "body{font-family:sans-serif;max-width:70em;margin:2em auto;padding:0 1em;line-height:1.4}"
     "table{border-collapse:collapse;font-size:.85em;display:block;overflow-x:auto}"
     "th,td{border-bottom:1px solid #ddd;padding:.25em .6em;text-align:right}"
@@ -30,14 +30,14 @@ _SETS = {
 
 def write_report(folder: Path, tables: Tables) -> None:
     """Write figures, ``report.md`` and ``report.html`` of a comparison folder from its tables."""
-    from gbt_ocp.studies.limits.figures import write_figures
+    from gbt_ocp.studies.limits.comparison_figures import write_figures
 
     drawn = write_figures(folder, tables)
     text = report(folder, tables, drawn)
     with whole_file(folder / "report.md") as temporary:
         temporary.write_text(text, encoding="utf-8")
     body = markdown(text, extensions=["tables"])
-    head = f'<meta charset="utf-8"><title>Comparison</title><style>{_STYLE}</style>'
+    head = f'<meta charset="utf-8"><title>Comparison</title><style>{_PAGE_STYLE}</style>'
     page = f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head>\n<body>\n{body}\n</body></html>\n'
     with whole_file(folder / "report.html") as temporary:
         temporary.write_text(page, encoding="utf-8")
@@ -107,7 +107,7 @@ def report(folder: Path, tables: Tables, drawn: Sequence[str] = ()) -> str:
         "",
     ]
     for name in drawn:
-        lines += [f"## Figure {name}", "", FIGURES[name], "", f"![{FIGURES[name]}](figures/{name}.png)", ""]
+        lines += [f"## Figure {name}", "", CAPTIONS[name], "", f"![{CAPTIONS[name]}](figures/{name}.png)", ""]
     return "\n".join(lines)
 
 

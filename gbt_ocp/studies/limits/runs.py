@@ -11,8 +11,8 @@ from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.simulation.loop import simulate
 from gbt_ocp.simulation.summary import FALLBACKS, installed_versions, summarise
+from gbt_ocp.studies.limits.comparison_tables import Row
 from gbt_ocp.studies.limits.problems import Check, unasked
-from gbt_ocp.studies.limits.tables import Row
 from gbt_ocp.studies.limits.treatments import Pair, kept_planner, treated
 
 SETTLING_S = 2.0

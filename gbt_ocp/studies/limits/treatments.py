@@ -26,7 +26,7 @@ from gbt_ocp.studies.limits.soft import SoftCompiledSolver, SoftIpoptSolver
 from gbt_ocp.typing import Array
 
 IPOPT, COMPILED = "ipopt", "compiled"
-SOLVERS = (IPOPT, COMPILED)
+COMPARED_SOLVERS = (IPOPT, COMPILED)
 
 
 class StagedPenalty:
@@ -205,7 +205,10 @@ def chosen_pairs(formulations: Iterable[str], solvers: Iterable[str]) -> list[Pa
     formulations, solvers = list(formulations), list(solvers)
     faults = [
         f"--{option}: found {name!r}; allowed: {', '.join(known)}"
-        for option, names, known in (("formulations", formulations, FORMULATIONS), ("solvers", solvers, SOLVERS))
+        for option, names, known in (
+            ("formulations", formulations, FORMULATIONS),
+            ("solvers", solvers, COMPARED_SOLVERS),
+        )
         for name in names
         if name not in known
     ]
@@ -214,7 +217,7 @@ def chosen_pairs(formulations: Iterable[str], solvers: Iterable[str]) -> list[Pa
     pairs = [
         Pair(name, solver)
         for name, formulation in FORMULATIONS.items()
-        for solver in SOLVERS
+        for solver in COMPARED_SOLVERS
         if name in formulations and solver in solvers and solver in formulation.solvers
     ]
     if not pairs:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.experiments.sweep.carry_out import Sweep
-from gbt_ocp.experiments.sweep.plan import variant
+from gbt_ocp.experiments.sweep.sweep_plan import variant
 from gbt_ocp.experiments.sweep.table import Row
 from gbt_ocp.studies.paper.measures import (
     Interval,
@@ -25,7 +25,7 @@ from gbt_ocp.typing import Array
 
 CASES = tuple(f"case{number}" for number in range(1, 7))
 TURNING = ("case2", "case3", "case5", "case6")
-PRESETS = ("default", "paper")
+COMPARED_PRESETS = ("default", "paper")
 SETTINGS = ("planner.formulation=hard",)
 ARRAYS = (
     "t",
@@ -85,7 +85,7 @@ def conduct(workbench: Workbench) -> Report:
 
     variants = [
         variant(case, {"preset": preset}, SETTINGS, {"case": case, "preset": preset})
-        for preset in PRESETS
+        for preset in COMPARED_PRESETS
         for case in CASES
     ]
     done = workbench.sweep("fig4", variants, arrays=ARRAYS)
@@ -94,7 +94,7 @@ def conduct(workbench: Workbench) -> Report:
     conditions: dict[str, dict[str, Curve]] = {}
     scales: dict[str, dict[str, Curve]] = {}
     inside: dict[str, dict[str, Curve]] = {}
-    for preset in PRESETS:
+    for preset in COMPARED_PRESETS:
         for case in CASES:
             rows = done.matching(case=case, preset=preset)
             if not rows:
@@ -256,7 +256,7 @@ def _settling_time(t: Array, error: Array, level: float = 0.1) -> float:
 
 def _findings(effects: dict[tuple[str, str], Effect]) -> list[Finding]:
     findings = []
-    for preset in PRESETS:
+    for preset in COMPARED_PRESETS:
         own = {case: effect for (which, case), effect in effects.items() if which == preset}
         if not own:
             continue
