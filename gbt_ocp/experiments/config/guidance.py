@@ -30,9 +30,13 @@ class PlannerGuidanceSection(Section):
         "0 plans at once.",
         ge=0.0,
     )
-    startup_speed: float = key(3.0, "Speed in m/s at which it crosses.", gt=0.0)
-    startup_leg_s: float = key(8.0, "Time in s after which it crosses the other way.", gt=0.0)
-    startup_opening: float = key(1.2, "Part of that speed in m/s that leads away from the target.", ge=0.0)
+    startup_speed: float = key(3.0, "Speed in m/s at which it crosses, where startup_deviation is above 0.", gt=0.0)
+    startup_leg_s: float = key(
+        8.0, "Time in s after which it crosses the other way, where startup_deviation is above 0.", gt=0.0
+    )
+    startup_opening: float = key(
+        1.2, "Part of startup_speed in m/s that leads away from the target, where startup_deviation is above 0.", ge=0.0
+    )
 
 
 class StaticGuidanceSection(Section):

@@ -52,8 +52,8 @@ class PlannerSection(Section):
     formulation: Literal["penalty", "hard"] = key("penalty", "Thrust limits as the paper's penalty or as constraints.")
     nodes: int = key(4, "n_c, intervals a piece at which limits are imposed.", ge=1)
     gamma: float = key(0.98, "γ, share of the limit that the solver is held to.", gt=0.0, le=1.0)
-    width: float = key(0.01, "ϖ, width of the penalty's smoothing, in thrust_units.", gt=0.0)
-    weight: float = key(1000.0, "w_p, weight of the penalty.", gt=0.0)
+    width: float = key(0.01, "ϖ, width of the penalty's smoothing, in thrust_units; with formulation: penalty.", gt=0.0)
+    weight: float = key(1000.0, "w_p, weight of the penalty; with formulation: penalty.", gt=0.0)
     thrust_units: Literal["normalised", "newton"] = key(
         "normalised", "Unit of the penalised thrust: the limit, or N and N m."
     )

@@ -65,8 +65,12 @@ class Configuration(Section):
     guidance: AnyGuidance = Field(
         default_factory=lambda: PlannerGuidanceSection(kind="planner"), description="How the vehicle moves."
     )
-    planner: PlannerSection = Field(default_factory=PlannerSection, description="How the trajectory is optimised.")
-    limits: LimitsSection = Field(default_factory=LimitsSection, description="Limits besides thrust.")
+    planner: PlannerSection = Field(
+        default_factory=PlannerSection, description="How the trajectory is optimised, for guidance.kind: planner."
+    )
+    limits: LimitsSection = Field(
+        default_factory=LimitsSection, description="Limits besides thrust, which plans keep (guidance.kind: planner)."
+    )
     desired_bearing: DesiredBearingSection = Field(
         default_factory=DesiredBearingSection, description="How desired bearings turn."
     )
@@ -74,7 +78,7 @@ class Configuration(Section):
     plant: PlantSection = Field(
         default_factory=PlantSection, description="How the vehicle that moves differs from its model."
     )
-    replay: ReplaySection = Field(default_factory=ReplaySection, description="Recorded bearings replayed.")
+    replay: ReplaySection = Field(default_factory=ReplaySection, description="How gbt-ocp replay reads a log.")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle as a mapping: the class of a registered tracker's section need not be importable where it is read."""
