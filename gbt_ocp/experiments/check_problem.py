@@ -120,7 +120,9 @@ def _of_terms(problem: ProblemData) -> list[Remark]:
         text = f"bounds {size} number{'s' * (size > 1)}, {how} at {limit.nodes} intervals a piece"
         found.append(Remark("limit", f"{_described(limit.constraint)}; {text}"))
     if not any(map(_is_joint, problem.objectives)):
-        step = "the whole step" if from_moments(problem) else "from recorded steps, since a term needs data of its own"
+        step = (
+            "the complete step" if from_moments(problem) else "from recorded steps, since a term needs data of its own"
+        )
         found.append(Remark("codegen", step))
     return found
 

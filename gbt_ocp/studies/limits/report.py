@@ -52,11 +52,11 @@ def report(folder: Path, tables: Tables, drawn: Sequence[str] = ()) -> str:
         "",
         f"The pairs of formulation and solver solved the same problems: at least {plan['problems']} of each "
         f"configuration recorded in {plan['runs']} closed-loop runs, and random ones beside them. Slow pairs solved a "
-        "random sample of them, and pairs are held against each other on the problems that both solved; how many these "
+        "random sample of them, and pairs are compared on the problems that both solved; how many these "
         "are stands in every row. Cold starts begin with coasting, warm ones with the rest of the plan of the step "
         "before. Times are processor time of the thread. Objectives leave out every penalty, and violations are those "
         "of the true limits, in units of the limit (negative: inside). Intervals are 95 % bootstrap intervals in which "
-        "whole runs are drawn. Not rounded, and solve by solve, the tables are in `tables/`.",
+        "runs are drawn, not steps. Not rounded, and solve by solve, the tables are in `tables/`.",
         "",
         "## Verdict",
         "",
