@@ -134,7 +134,7 @@ def test_an_interrupted_comparison_goes_on_where_it_stopped(few, tmp_path, monke
     def asked(name, **more):
         return gbt.compare(
             "case2", formulations=["hard"], solvers=["ipopt"], runs=2, problems=4,
-            overrides=["duration_s=0.8", "planner.pieces=2"], out=tmp_path / name, jobs=1, **more,
+            overrides=["duration_s=0.4", "planner.pieces=2"], out=tmp_path / name, jobs=1, **more,
         )  # fmt: skip
 
     done = asked("whole")
