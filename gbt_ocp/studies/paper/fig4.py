@@ -44,7 +44,7 @@ ARRAYS = (
 SETTLING = 2.0
 START = 5.0
 """Seconds in which the condition number comes down to 1."""
-AHEAD = 12
+STEPS_AHEAD = 12
 """Times of T_k."""
 ORBIT = 0.9
 """Similarity of desired and measured bearing from which the vehicle counts as on its orbit."""
@@ -133,7 +133,7 @@ def conduct(workbench: Workbench) -> Report:
     )
     calibration = Table(
         "Calibration of the posterior at settled steps, by periods ahead",
-        ["preset", "case", "measure", *(str(i) for i in range(AHEAD))],
+        ["preset", "case", "measure", *(str(i) for i in range(STEPS_AHEAD))],
     )
     orbit = Table(
         "Motion of the vehicle and length scale at settled steps",
@@ -165,7 +165,7 @@ def conduct(workbench: Workbench) -> Report:
         )
         table.rows.append(row)
         for measure, values in (("NEES/d", np.median(effect.squared, axis=0)), ("95 %", effect.inside.mean(axis=0))):
-            calibration.add(preset, case[-1], measure, *(float(value) for value in values[:AHEAD]))
+            calibration.add(preset, case[-1], measure, *(float(value) for value in values[:STEPS_AHEAD]))
         orbit.add(
             preset,
             case[-1],

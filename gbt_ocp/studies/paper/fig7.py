@@ -9,7 +9,7 @@ from gbt_ocp.studies.paper.workbench import Finding, Report, Workbench
 from gbt_ocp.typing import Array
 
 CASES = ("case1", "case5")
-WINDOWS = (4, 6, 8, 10, 12, 15, 20, 30)
+WINDOW_LENGTHS = (4, 6, 8, 10, 12, 15, 20, 30)
 FORECASTS = (6, 12)
 SETTINGS = ("planner.formulation=hard",)
 SETTLING = 2.0
@@ -31,7 +31,7 @@ def conduct(workbench: Workbench) -> Report:
         )
         for case in CASES
         for ahead in FORECASTS
-        for window in WINDOWS
+        for window in WINDOW_LENGTHS
     ]
     done = workbench.sweep("fig7", variants, arrays=("t", "covariance_norm"))
     table = Table(
@@ -42,7 +42,7 @@ def conduct(workbench: Workbench) -> Report:
     norms: dict[tuple[str, int], dict[int, Array]] = {}
     for case in CASES:
         for ahead in FORECASTS:
-            for window in WINDOWS:
+            for window in WINDOW_LENGTHS:
                 rows = done.matching(case=case, N_c=window, n=ahead)
                 if not rows:
                     continue
