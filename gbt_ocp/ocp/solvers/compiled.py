@@ -123,11 +123,6 @@ class CompiledSolver:
         """The options that were given."""
         return dict(self._made_from[1])
 
-    @property
-    def workspace_bytes(self) -> int:
-        """Size of the kernel's workspace."""
-        return self._workspace.nbytes
-
     def solve(
         self,
         start: Array,

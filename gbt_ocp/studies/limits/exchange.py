@@ -240,5 +240,5 @@ class DoublingCompiledSolver:
         return replace(solution, solved=False, status=BETWEEN_NODES, iterations=iterations)
 
     def check(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
-        """See :class:`gbt_ocp.ocp.solvers.base.ChecksLimits`."""
+        """Largest violation of each piece ``(p,)``; see :class:`gbt_ocp.ocp.check.LimitCheck`."""
         return self._ladder[0].check(trajectory, limits)
