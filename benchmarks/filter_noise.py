@@ -19,8 +19,8 @@ import argparse
 import numpy as np
 
 import gbt_ocp as gbt
+from gbt_ocp.studies.paper.grid_search import method_variant, shipped
 from gbt_ocp.studies.paper.methods import FULL_POSITIONS, PAPER, PLANE, SPACE, methods
-from gbt_ocp.studies.paper.tuning import method_variant, shipped
 
 FILTERS = ("PLKF", "IMM-PLKF", FULL_POSITIONS)
 DENSITIES = (1.0e-8, 1.0e-6, 1.0e-4, 1.0e-2, 1.0)

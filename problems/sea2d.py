@@ -24,7 +24,7 @@ problem = TrackingProblem(
             "window_s": 120.0,
             "bin_s": 2.0,
             "turn_kernel": "ou",
-            # a little above the sensor's: told too little noise, a tracker is lost; told too much, it loses little
+            # above the sensor's: too small a value loses the track, too large a one costs little
             "noise": {"std_deg": 1.15},
         },
         "guidance": {"kind": "planner", "startup_deviation": 0.25},

@@ -11,8 +11,7 @@ from test_comparison import comparable
 from gbt_ocp.experiments.sweep.table import WALL_CLOCK_COLUMNS
 from gbt_ocp.reporting import bands, tables
 from gbt_ocp.simulation.history import WALL_CLOCK, History
-from gbt_ocp.studies.limits import figures as comparison_figures
-from gbt_ocp.studies.limits import sensitivity
+from gbt_ocp.studies.limits import comparison_figures, sensitivity
 from gbt_ocp.studies.paper import fig5
 
 with suppress(ImportError):
@@ -34,8 +33,8 @@ def little_to_do():
         patch.setattr(sensitivity, "NODES", (1,))
         patch.setattr("gbt_ocp.studies.limits.solves.STARTS", 2)
         patch.setattr(fig5, "CASES", ("case2",))
-        patch.setattr(fig5, "PRESETS", ("default",))
-        patch.setattr(fig5, "MODES", {"static": "static", "random": "random"})
+        patch.setattr(fig5, "COMPARED_PRESETS", ("default",))
+        patch.setattr(fig5, "MOTIONS", {"static": "static", "random": "random"})
         patch.setattr(fig5, "SETTINGS", ("duration_s=3.0",))
         patch.setattr(fig5, "_findings", lambda *_: [])
         yield

@@ -5,6 +5,7 @@ import itertools
 import re
 from collections import defaultdict
 from graphlib import CycleError, TopologicalSorter
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -126,3 +127,58 @@ def test_no_room_holds_more_than_a_quarter_of_the_lines():
     for path in sources():
         lines[path.relative_to(PACKAGE).parts[0]] += len(path.read_text(encoding="utf-8").splitlines())
     assert max(lines.values()) <= LARGEST * sum(lines.values()), dict(lines)
+
+
+NAMED_AFTER_A_KEY = ("cli", "experiments/build", "experiments/config")
+"""Folders whose modules are called after the key or the subcommand that they are about, and may share its name."""
+
+STUDIES = "studies/paper/fig"
+"""Studies are laid out alike: each has a CASES, SETTINGS or ARRAYS of its own."""
+
+IN_TRACKING = {
+    # modules: both trackers of noisy bearings have a tracker, a fit, hypotheses; both families of processes kernels
+    *("fit", "hypotheses", "kernels", "tracker"),
+    # classes
+    *("Hypothesis", "Moments", "Solution"),
+    # constants
+    *("LOST", "NEAREST", "NEGLIGIBLE", "RECENT", "STRAY", "UNLIKELY"),
+}
+"""Names that stand for several things within ``tracking``."""
+
+
+def names_in(kind):
+    """Names of the package's modules, classes or constants, each with the files that define it."""
+    found = defaultdict(list)
+    for path in {*PACKAGE.rglob("*.py")} - {STARTING_POINT}:
+        place = path.relative_to(PACKAGE).as_posix()
+        if kind == "modules":
+            if path.stem != "__init__" and str(Path(place).parent) not in NAMED_AFTER_A_KEY:
+                found[path.stem].append(place)
+            continue
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        if kind == "classes":
+            for node in ast.walk(tree):
+                if isinstance(node, ast.ClassDef):
+                    found[node.name].append(place)
+            continue
+        for node in tree.body:
+            for target in getattr(node, "targets", [getattr(node, "target", None)]):
+                if isinstance(target, ast.Name) and target.id.isupper():
+                    found[target.id].append(place)
+    return {name: places for name, places in found.items() if len(places) > 1}
+
+
+@pytest.mark.parametrize("kind", ["modules", "classes"])
+def test_a_name_stands_for_one_thing(kind):
+    assert {name: places for name, places in names_in(kind).items() if name not in IN_TRACKING} == {}
+
+
+def test_constants_of_a_name_have_one_value():
+    found = {}
+    for name, places in names_in("constants").items():
+        of_studies = [place for place in places if place.startswith(STUDIES)]
+        modules = [place for place in places if place not in of_studies[1:] and Path(place).stem != "__init__"]
+        values = [getattr(import_module(f"gbt_ocp.{place[:-3].replace('/', '.')}"), name) for place in modules]
+        if name not in IN_TRACKING and any(value != values[0] for value in values):
+            found[name] = modules
+    assert found == {}

@@ -42,11 +42,21 @@ def fossen(dimension, form):
     return problem.subject_to(limit, nodes=4) if form == "hard" else problem.subject_to_penalty(limit, nodes=4)
 
 
-@pytest.fixture(scope="module", params=[(2, "hard"), (3, "penalty")], ids=lambda p: f"{p[0]}d-{p[1]}")
+def of(*problems):
+    """The test is done with the folders of these problems."""
+    names = [f"{dimension}d-{form}" for dimension, form in problems]
+    return pytest.mark.parametrize("folder", problems, ids=names, indirect=True)
+
+
+PLANE, SPACE = (2, "hard"), (3, "penalty")
+
+
+@pytest.fixture(scope="module")
 def folder(request, tmp_path_factory):
     return write_c(Planner(fossen(*request.param), "compiled"), tmp_path_factory.mktemp("generated") / "planner")
 
 
+@of(PLANE, SPACE)
 def test_it_compiles_without_warnings_repeats_itself_and_agrees_with_python(folder):
     before = sorted(folder.rglob("*"))
     found = verify_folder(folder, flags="-O2 -Werror")
@@ -56,7 +66,9 @@ def test_it_compiles_without_warnings_repeats_itself_and_agrees_with_python(fold
     assert sorted(folder.rglob("*")) == before, "verification must leave nothing behind"
 
 
-@pytest.mark.parametrize(("compiler", "level"), [("gcc", "-O0"), ("clang", "-O3")])
+@pytest.mark.parametrize(
+    ("folder", "compiler", "level"), [(PLANE, "gcc", "-O0"), (SPACE, "clang", "-O3")], indirect=["folder"]
+)
 def test_compilers_and_optimisation_levels_agree(folder, compiler, level, monkeypatch):
     if shutil.which(compiler) is None:
         pytest.skip(f"no {compiler}")
@@ -66,6 +78,7 @@ def test_compilers_and_optimisation_levels_agree(folder, compiler, level, monkey
     assert found.difference < 1e-6
 
 
+@of(SPACE)
 def test_it_runs_clean_under_the_sanitizers(folder, tmp_path):
     flags = "-O1 -fsanitize=address,undefined -fno-sanitize-recover=all"
     (tmp_path / "empty.c").write_text("int main(void) { return 0; }\n")
@@ -77,6 +90,7 @@ def test_it_runs_clean_under_the_sanitizers(folder, tmp_path):
     assert verify_folder(folder, flags=flags).faults == ()
 
 
+@of(PLANE)
 def test_make_builds_the_example_in_place(folder, tmp_path):
     copy = shutil.copytree(folder, tmp_path / "elsewhere")
     subprocess.run(["make", "-s"], cwd=copy, check=True)
@@ -85,6 +99,7 @@ def test_make_builds_the_example_in_place(folder, tmp_path):
     assert "20 vectors, 0 faults" in done.stdout
 
 
+@of(PLANE)
 def test_wrong_results_and_a_broken_source_are_noticed(folder, tmp_path):
     copy = shutil.copytree(folder, tmp_path / "wrong")
     header = (copy / "vectors.h").read_text()
@@ -98,6 +113,7 @@ def test_wrong_results_and_a_broken_source_are_noticed(folder, tmp_path):
     assert "broken" in verify_folder(copy).faults[0]
 
 
+@of(PLANE, SPACE)
 def test_code_and_workspace_are_small_and_described(folder):
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["sizes"]["code"] < 100_000
@@ -116,6 +132,7 @@ def test_the_kernel_is_plain_c_without_allocation_or_state():
             pytest.fail(f"{name}: {line}")
 
 
+@of(PLANE)
 def test_float_is_one_typedef_away(folder, tmp_path):
     copy = shutil.copytree(folder, tmp_path / "single")
     built = subprocess.run(
@@ -135,8 +152,12 @@ def test_options_travel_into_the_generated_solver(tmp_path):
     assert verify_folder(folder).faults == ()
 
 
-@pytest.mark.parametrize("pieces", [5, 12])
-def test_the_kernel_s_default_settings_are_those_of_the_options(pieces):
+@pytest.mark.parametrize(
+    ("pieces", "options"),
+    [(12, CompiledOptions.checked({}, 12)), (5, CompiledOptions(3e-5, 1e-3, 1e-7, 2e-2, 5e-3, 20.0, 31, 57))],
+    ids=["derived", "given"],
+)
+def test_the_kernel_s_default_settings_are_those_of_the_options(pieces, options):
     class Settings(ctypes.Structure):
         _fields_ = [
             (option.name, {"int": ctypes.c_int, "float": ctypes.c_double}[option.type])
@@ -144,11 +165,10 @@ def test_the_kernel_s_default_settings_are_those_of_the_options(pieces):
         ]
 
     problem = replace(fossen(2, "hard"), pieces=pieces)
-    for options in (CompiledOptions.checked({}, pieces), CompiledOptions(3e-5, 1e-3, 1e-7, 2e-2, 5e-3, 20.0, 31, 57)):
-        library = ctypes.CDLL(str(build_library(kernel_files() | generate_problem(problem, options).files)))
-        settings = Settings()
-        library.gbt_default_settings(ctypes.byref(settings))
-        assert {name: getattr(settings, name) for name, _ in Settings._fields_} == asdict(options)
+    library = ctypes.CDLL(str(build_library(kernel_files() | generate_problem(problem, options).files)))
+    settings = Settings()
+    library.gbt_default_settings(ctypes.byref(settings))
+    assert {name: getattr(settings, name) for name, _ in Settings._fields_} == asdict(options)
 
 
 def test_nothing_is_overwritten_and_nothing_half_written(tmp_path):
@@ -235,7 +255,7 @@ def test_limits_on_the_target_are_bound_from_the_moments_as_in_python(dimension)
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("dimension", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_a_whole_step_with_limits_on_the_target_is_generated(dimension, tmp_path):
     folder = write_c(Planner(with_target_limits(dimension), "compiled"), tmp_path / "planner")
     assert json.loads((folder / "manifest.json").read_text())["problem"]["from_moments"]

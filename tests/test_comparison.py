@@ -21,9 +21,9 @@ from gbt_ocp.ocp.solvers.base import Solution
 from gbt_ocp.studies.limits import compare as comparing
 from gbt_ocp.studies.limits import sensitivity, treatments
 from gbt_ocp.studies.limits import tasks as plan
-from gbt_ocp.studies.limits.carry_out import CarryOut
-from gbt_ocp.studies.limits.figures import COLOURS
-from gbt_ocp.studies.limits.formulations import COMPILED, FORMULATIONS, IPOPT, SOLVERS, Formulation, _planner
+from gbt_ocp.studies.limits.comparison_figures import COLOURS
+from gbt_ocp.studies.limits.formulations import COMPARED_SOLVERS, COMPILED, FORMULATIONS, IPOPT, Formulation, _planner
+from gbt_ocp.studies.limits.parts import CarryOut
 from gbt_ocp.studies.limits.problems import Problems, draw, record
 from gbt_ocp.studies.limits.soft import SoftIpoptSolver
 from gbt_ocp.studies.limits.solves import solve_chunk
@@ -135,7 +135,7 @@ def test_an_interrupted_comparison_goes_on_where_it_stopped(few, tmp_path, monke
     def asked(name, **more):
         return gbt.compare(
             "case2", formulations=["hard"], solvers=["ipopt"], runs=2, problems=4,
-            overrides=["duration_s=0.8", "planner.pieces=2"], out=tmp_path / name, jobs=1, **more,
+            overrides=["duration_s=0.4", "planner.pieces=2"], out=tmp_path / name, jobs=1, **more,
         )  # fmt: skip
 
     done = asked("whole")
@@ -169,8 +169,8 @@ def test_an_interrupted_comparison_goes_on_where_it_stopped(few, tmp_path, monke
 def test_slow_pairs_get_a_share_of_the_work_unless_all_is_asked_for():
     configurations = load_config("case2"), load_config("case3")
     # mixed is for limits on the target, which these have not
-    pairs = [one for one in treatments.chosen_pairs(FORMULATIONS, SOLVERS) if one.formulation != "mixed"]
-    some, full = (plan.Plan(configurations, tuple(pairs), 10, 200, full=full) for full in (False, True))
+    pairs = [one for one in treatments.chosen_pairs(FORMULATIONS, COMPARED_SOLVERS) if one.formulation != "mixed"]
+    some, full = (plan.ComparisonPlan(configurations, tuple(pairs), 10, 200, full=full) for full in (False, True))
 
     def work(of):
         seeds, problems = {}, {}
@@ -226,7 +226,7 @@ def test_ctrl_c_while_problems_are_drawn_is_not_lost(tmp_path, monkeypatch):
         os.kill(os.getpid(), signal.SIGINT)
         return draw(*arguments)
 
-    monkeypatch.setattr("gbt_ocp.studies.limits.carry_out.draw", pressed)
+    monkeypatch.setattr("gbt_ocp.studies.limits.parts.draw", pressed)
     with pytest.raises(comparing.ComparisonInterruptedError, match=r"1 of 1 tasks are finished and kept"):
         gbt.compare(
             "case2", formulations=["hard"], solvers=["ipopt"], runs=1, problems=2, out=tmp_path / "out", jobs=1,
@@ -311,7 +311,7 @@ def test_problems_survive_their_file(tmp_path):
 def test_units_of_the_penalty_are_units_only():
     configuration = load_config("case2", [*SHORT, "planner.formulation=penalty"])
     pair = Pair("elastic", IPOPT)
-    swept = {sweep.swept: sweep for sweep in sensitivity.sweeps(configuration, [pair])}
+    swept = {sweep.swept: sweep for sweep in sensitivity.varied_settings(configuration, [pair])}
     assert set(swept) >= {"width", "weight", "units", "gamma", "nodes"}
     name, changes = swept["units"].points[0]
     assert name == "newton, width 50 N, weight 0.2"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gbt_ocp.studies.limits import statistics, summaries
-from gbt_ocp.studies.limits.tables import read_rows, write_rows
+from gbt_ocp.studies.limits.comparison_tables import read_rows, write_rows
 from gbt_ocp.studies.limits.treatments import Pair
 from gbt_ocp.studies.limits.verdict import verdict
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from gbt_ocp.experiments.config.desired_bearing import DesiredBearing
+from gbt_ocp.experiments.config.desired_bearing import DesiredBearingSection
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.json_schema import json_schema
 from gbt_ocp.experiments.config.loading import load_config
@@ -43,7 +43,7 @@ def test_one_line_runs_with_every_default_written_out(tmp_path):
     for name, field in Configuration.model_fields.items():
         if field.default_factory is not None and name != "desired_bearing":
             assert getattr(configuration, name) == field.default_factory()
-    assert configuration.desired_bearing == DesiredBearing(m=10)
+    assert configuration.desired_bearing == DesiredBearingSection(m=10)
     file.write_text("# nothing is written\n")
     assert load_config(file) == configuration
 

@@ -93,9 +93,18 @@ def test_more_freedom_reaches_more(dimension, seed):
 
 
 @needs_compiler
-@pytest.mark.parametrize(("dimension", "degree", "continuity"), [(2, 4, 1), (3, 3, 1), (2, 4, 2)])
-@pytest.mark.parametrize("form", ["hard", "penalty"])
-def test_both_solvers_reach_the_same(dimension, degree, continuity, form):
+@pytest.mark.parametrize(
+    ("form", "dimension", "degree", "continuity"),
+    [
+        ("hard", 2, 4, 1),
+        ("penalty", 3, 3, 1),
+        pytest.param("penalty", 2, 4, 1, marks=pytest.mark.slow),
+        pytest.param("hard", 3, 3, 1, marks=pytest.mark.slow),
+        pytest.param("hard", 2, 4, 2, marks=pytest.mark.slow),
+        pytest.param("penalty", 2, 4, 2, marks=pytest.mark.slow),
+    ],
+)
+def test_both_solvers_reach_the_same(form, dimension, degree, continuity):
     problem = posed(dimension, degree, continuity, 6, form)
     for seed in range(3):
         # from coasting either may end in another local optimum
@@ -146,7 +155,7 @@ def test_the_last_resort_brakes_within_the_limits():
 
 
 @needs_compiler
-@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("dimension", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_a_generated_planner_repeats_pythons_plans(dimension, tmp_path):
     folder = write_c(posed(dimension).compile("compiled"), tmp_path / "planner")
     found = verify_folder(folder)

@@ -1,5 +1,6 @@
 """What the documents say is so: examples run, commands parse, names exist, tables are complete."""
 
+import ast
 import importlib
 import itertools
 import re
@@ -250,6 +251,18 @@ def test_the_table_of_keys_is_that_of_the_models():
     """After a change: ``python tests/test_documentation.py`` prints the table."""
     written = rows(DOCUMENTS["docs/configuration.md"], "| key | default | allowed | meaning |")
     assert written == key_rows()
+
+
+def test_every_key_is_read():
+    """A key whose name stands nowhere as an attribute or a text is one that does nothing."""
+    named = set()
+    for path in (ROOT / "gbt_ocp" / "experiments").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Attribute):
+                named.add(node.attr)
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                named.add(node.value)
+    assert [path for path in keys() if path.rpartition(".")[2] not in named] == []
 
 
 if __name__ == "__main__":

@@ -71,8 +71,14 @@ def stories(draw, dimension):
     return found if draw(st.booleans()) else [found[0]] * len(found)  # the same bearing again and again
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
-@pytest.mark.parametrize("name", TRACKERS)
+SLOW = {("motion_gp", 2), ("mixture", 3)}
+"""The mixture contains the tracker motion_gp: one of them in each dimension is enough every time."""
+
+
+@pytest.mark.parametrize(
+    ("name", "dimension"),
+    [pytest.param(name, d, marks=[pytest.mark.slow] if (name, d) in SLOW else []) for name in TRACKERS for d in (2, 3)],
+)
 def test_trackers_stay_finite_with_a_covariance(name, dimension):
     configuration = load_config("case2" if dimension == 2 else "case5", TRACKERS[name])
 

@@ -15,7 +15,7 @@ from gbt_ocp.experiments.build import loop as build
 from gbt_ocp.experiments.build.desired import build_desired_bearing
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config
-from gbt_ocp.experiments.sweep.plan import plan_sweep, read_axis, read_entries
+from gbt_ocp.experiments.sweep.sweep_plan import plan_sweep, read_axis, read_entries
 
 LONGEST_LINE = 1500
 FOREIGN = ("pydantic", "validation error", "Traceback", "errno", "object at 0x")

@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -37,9 +38,27 @@ PROBLEMS = {
     "free pieces": free_pieces,
 }
 SANITIZERS = [("gcc", "address,undefined"), ("clang", "address,undefined"), ("clang", "memory")]
+BUILDS = list(product(("gcc", "clang"), ("-O0", "-O3"), ("c99", "c11")))
+
+QUICK = [
+    ("case5", "gcc", "-O0", "c99"),
+    ("case5", "clang", "-O3", "c11"),
+    ("limits", "clang", "-O0", "c99"),
+    ("free pieces", "gcc", "-O3", "c11"),
+    ("limits", "gcc", "address,undefined"),
+    ("free pieces", "clang", "address,undefined"),
+    ("case5", "clang", "memory"),
+]
+"""Every compiler, level, standard, sanitizer and form of a problem once; all combinations of them are slow."""
 
 
-@pytest.fixture(scope="module", params=PROBLEMS)
+def combinations(builds):
+    """Parameters of a test: problem and build, those that are not :data:`QUICK` among the slow ones."""
+    every = [(name, *build) for name in PROBLEMS for build in builds]
+    return [pytest.param(*one, marks=[] if one in QUICK else pytest.mark.slow) for one in every]
+
+
+@pytest.fixture(scope="module")
 def folder(request, tmp_path_factory):
     return write_c(Planner(PROBLEMS[request.param](), "compiled"), tmp_path_factory.mktemp("generated") / "planner")
 
@@ -65,9 +84,7 @@ def fuzz(program, *arguments):
     return done.stdout
 
 
-@pytest.mark.parametrize("standard", ["c99", "c11"])
-@pytest.mark.parametrize("level", ["-O0", "-O3"])
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize(("folder", "compiler", "level", "standard"), combinations(BUILDS), indirect=["folder"])
 def test_no_warnings_and_every_plan_as_it_says(folder, tmp_path, compiler, level, standard):
     program = build(folder, tmp_path, compiler, f"-std={standard}", level, *WARNINGS)
     counts = [int(number) for number in re.findall(r"\d+", fuzz(program, 60, 1))]
@@ -76,18 +93,20 @@ def test_no_warnings_and_every_plan_as_it_says(folder, tmp_path, compiler, level
     assert counts[3] > 0, "some input must be refused"
 
 
-@pytest.mark.parametrize(("compiler", "sanitizer"), SANITIZERS)
+@pytest.mark.parametrize(("folder", "compiler", "sanitizer"), combinations(SANITIZERS), indirect=["folder"])
 def test_no_sanitizer_report(folder, tmp_path, compiler, sanitizer):
     flags = ["-O1", f"-fsanitize={sanitizer}", "-fno-sanitize-recover=all"]
     fuzz(build(folder, tmp_path, compiler, "-std=c99", *flags), 60, 2)
 
 
+@pytest.mark.parametrize("folder", ["limits"], indirect=True)
 def test_two_threads_with_a_planner_each_give_the_same_bytes(folder, tmp_path):
     flags = ["-std=c99", "-O2", "-pthread", "-D_POSIX_C_SOURCE=200112L", "-DFUZZ_THREADS"]
     fuzz(build(folder, tmp_path, "gcc", *flags), 60, 3, "threads")
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("folder", PROBLEMS, indirect=True)
 @pytest.mark.parametrize(("compiler", "sanitizer"), SANITIZERS)
 def test_a_hundred_thousand_problems_without_a_report(folder, tmp_path, compiler, sanitizer):
     flags = ["-O1", f"-fsanitize={sanitizer}", "-fno-sanitize-recover=all"]

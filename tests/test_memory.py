@@ -11,7 +11,7 @@ import pytest
 
 from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.loading import load_config
-from gbt_ocp.guidance.protocol import Placement
+from gbt_ocp.guidance.strategy import Placement
 from gbt_ocp.simulation.loop import simulate
 from gbt_ocp.tracking.protocol import Forecast
 

@@ -11,7 +11,7 @@ from gbt_ocp.guidance.fim_placement import FimPlacement
 from gbt_ocp.guidance.helical import HelicalGuidance, rotation_to
 from gbt_ocp.guidance.inverse_dynamics import InverseDynamics
 from gbt_ocp.guidance.line_of_sight import LineOfSight
-from gbt_ocp.guidance.protocol import BearingGuidance
+from gbt_ocp.guidance.strategy import BearingGuidance
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.models.vehicles import PlanarPointMass

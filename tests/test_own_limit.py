@@ -50,7 +50,7 @@ try:
     gbt.load_config("own.yaml", overrides=["limits.north_m=far", "limits.hard=[south]"])
 except gbt.ConfigurationError as error:
     faults = error.faults
-described = json_schema()["$defs"]["Limits"]["properties"]
+described = json_schema()["$defs"]["LimitsSection"]["properties"]
 print(json.dumps({
     "written": configuration.to_mapping()["limits"],
     "free": free.history.vehicle_pose[:, 1].max(),

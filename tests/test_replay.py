@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from gbt_ocp.experiments.bearing_log import read_log
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.replay import replay
 from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
+from gbt_ocp.reporting.replay_figures import draw_replay
+from gbt_ocp.reporting.style import CURVES
 
 RECORDED = Path(__file__).resolve().parents[2] / "shared" / "data" / "bearings"
 
@@ -224,6 +227,17 @@ def test_without_a_truth_there_are_no_errors_and_still_a_track(tmp_path):
     assert "median" not in (tmp_path / "out" / "scores.md").read_text(encoding="utf-8")
     with pytest.raises(FileExistsError):
         found.save(tmp_path / "out")
+
+
+def test_every_tracker_is_in_every_figure(tmp_path):
+    """Also where there are more of them than colours."""
+    path, names = log_of(tmp_path / "log.csv", duration=10.0), [f"method {k}" for k in range(len(CURVES) + 2)]
+    found = replay(path, {"problem": "case2", "tracker": {"kind": "ekf"}}, bearing_from="x")
+    figures = draw_replay(found.log, [replace(found.tracks[0], name=name) for name in names], 0.0)
+    for name in ("track", "range"):
+        labels = {text.get_text() for legend in figures[name].legends for text in legend.get_texts()}
+        assert labels >= {*names}, name
+    assert all(axes.has_data() for axes in figures["residuals"].axes)
 
 
 def test_trackers_of_positions_are_refused(tmp_path):

@@ -14,7 +14,7 @@ from small_folders import KINDS, begin, finished, go_on, little_to_do, result
 
 from gbt_ocp.files import PARTIAL
 from gbt_ocp.simulation.history import History
-from gbt_ocp.studies.limits.tables import read_rows
+from gbt_ocp.studies.limits.comparison_tables import read_rows
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends signals")
 

@@ -9,9 +9,9 @@ import gbt_ocp as gbt
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.sweep.carry_out import Sweep
 from gbt_ocp.experiments.sweep.engines import Serial
-from gbt_ocp.experiments.sweep.plan import SweepPlan
+from gbt_ocp.experiments.sweep.sweep_plan import SweepPlan
 from gbt_ocp.files import packaged_text
-from gbt_ocp.studies.paper import STUDIES, fig5, tuning
+from gbt_ocp.studies.paper import STUDIES, fig5, grid_search
 from gbt_ocp.studies.paper import method_tables as comparison
 from gbt_ocp.studies.paper.methods import FULL_POSITIONS, GBT, PAPER, PLANE, POLYNOMIAL_SETTLED, SPACE, methods
 from gbt_ocp.studies.paper.reproduce import reproduce
@@ -46,7 +46,7 @@ def test_every_study_can_be_conducted():
 def test_the_grids_are_the_papers():
     plane = {method.name: method for method in methods(2)}
     assert list(plane) == ["OE-S", "OE-CV", "PLKF", "IMM-PLKF", FULL_POSITIONS, "PR", POLYNOMIAL_SETTLED, GBT]
-    sizes = {name: [len(tuning._points(grid)) for grid in method.grids] for name, method in plane.items()}
+    sizes = {name: [len(grid_search._points(grid)) for grid in method.grids] for name, method in plane.items()}
     assert sizes == {
         "OE-S": [16],
         "OE-CV": [64],
@@ -57,7 +57,7 @@ def test_the_grids_are_the_papers():
         POLYNOMIAL_SETTLED: [12],
         GBT: [],
     }
-    assert [len(tuning._points(grid)) for grid in methods(3)[0].grids] == [16, 27, 4]
+    assert [len(grid_search._points(grid)) for grid in methods(3)[0].grids] == [16, 27, 4]
     for dimension, cases in ((2, PLANE), (3, SPACE)):
         for method in methods(dimension):
             if method.name != POLYNOMIAL_SETTLED:
@@ -67,7 +67,7 @@ def test_the_grids_are_the_papers():
 def test_every_method_is_given_the_same_prior_and_start():
     for dimension, case in ((2, "case2"), (3, "case5")):
         for method in methods(dimension):
-            made = tuning.method_variant(method, case, {}).configuration
+            made = grid_search.method_variant(method, case, {}).configuration
             assert made.tracker.prior.model_dump(exclude_none=True) == {"position": (0.0,) * dimension, "std": 3.0}
             assert made.vehicle.start.position_m is None
             assert made.sensor.noise_deg == 0.0
@@ -78,22 +78,22 @@ def test_the_search_takes_the_smallest_score_of_each_case(made, monkeypatch):
     best = {"case1": 5.0, "case2": 0.5, "case3": 10.0}
 
     def row(overrides, seed):
-        assert seed in tuning.SEEDS[2]
+        assert seed in grid_search.SEEDS[2]
         gain, circle = overrides.get("tracker.position_gain"), overrides.get("guidance.radial_gain")
         if gain is None:
             return {"error_mean": 1.0, "error_settled": 1.0}
         lost = {"status": "failed"} if (gain, circle) == (best[overrides["case"]], 1.0) else {}
         # the best of all lost a run, so the next circle is taken
-        mean = None if lost and seed == tuning.SEEDS[2][0] else abs(gain - best[overrides["case"]]) + 0.01 * circle
+        mean = None if lost and seed == grid_search.SEEDS[2][0] else abs(gain - best[overrides["case"]]) + 0.01 * circle
         return {"error_mean": mean, "error_settled": 1.0}
 
     monkeypatch.setattr(Made, "row", staticmethod(row))
-    chosen, scores = tuning.search(made, "table2", methods(2)[:1], PLANE)
+    chosen, scores = grid_search.search(made, "table2", methods(2)[:1], PLANE)
     assert chosen == {
         ("OE-S", case): {"tracker.position_gain": gain, "guidance.radial_gain": 2.0} for case, gain in best.items()
     }
     assert len(scores) == 3 * 16
-    assert not {*tuning.SEEDS[2], *tuning.SEEDS[3]} & set(range(200))
+    assert not {*grid_search.SEEDS[2], *grid_search.SEEDS[3]} & set(range(200))
 
 
 def test_a_second_grid_is_searched_with_the_best_of_the_first(made, monkeypatch):
@@ -113,11 +113,11 @@ def test_a_second_grid_is_searched_with_the_best_of_the_first(made, monkeypatch)
 
     monkeypatch.setattr(Made, "row", staticmethod(row))
     both = [method for method in methods(3) if method.keys["tracker.kind"] == "pr"]
-    chosen, scores = tuning.search(made, "table3", both, ["case4"])
+    chosen, scores = grid_search.search(made, "table3", both, ["case4"])
     assert chosen["PR", "case4"] == wanted
     assert chosen[POLYNOMIAL_SETTLED, "case4"]["tracker.order"] == 3
     # what both ask for is run once
-    assert len(seen) == (16 + 2 * 27) * len(tuning.SEEDS[3])
+    assert len(seen) == (16 + 2 * 27) * len(grid_search.SEEDS[3])
     assert len(scores) == 2 * (16 + 27)
 
 
@@ -133,7 +133,7 @@ def test_tables_rank_and_findings_follow_from_the_rows(made, monkeypatch):
 
     monkeypatch.setattr(Made, "row", staticmethod(row))
     orders = {(POLYNOMIAL_SETTLED, case): {"tracker.order": 5} for case in PLANE}
-    monkeypatch.setattr(tuning, "shipped", lambda: orders)
+    monkeypatch.setattr(grid_search, "shipped", lambda: orders)
     bench = Made(made.folder, made.seeds, Serial())
     report = comparison.table2(bench)
     rows = {(row[0], row[1]): row for row in report.tables["table2"].rows}
@@ -176,13 +176,13 @@ def test_parameters_are_shipped_for_every_method_and_case_and_lie_on_its_grids()
             axes = {key: values for grid in method.grids for key, values in grid.items()}
             searched = [*axes]
             for case in cases:
-                point = tuning.shipped()[method.name, case]
+                point = grid_search.shipped()[method.name, case]
                 assert list(point) == searched
                 assert all(value in axes[key] for key, value in point.items())
 
 
 def test_shipped_file_is_what_the_search_writes():
-    assert tuning.as_yaml(tuning.shipped()) == packaged_text("gbt_ocp.studies.paper", tuning.SHIPPED)
+    assert grid_search.as_yaml(grid_search.shipped()) == packaged_text("gbt_ocp.studies.paper", grid_search.TUNED_FILE)
 
 
 def test_reproduce_refuses_in_one_line(tmp_path):

@@ -22,7 +22,7 @@ from gbt_ocp.experiments.sweep import carry_out as sweeping
 from gbt_ocp.experiments.sweep import execution, task_folder
 from gbt_ocp.experiments.sweep.carry_out import SweepInterrupted, sweep
 from gbt_ocp.experiments.sweep.engines import Serial, WorkerDiedError
-from gbt_ocp.experiments.sweep.plan import SweepPlan, plan_sweep, variant
+from gbt_ocp.experiments.sweep.sweep_plan import SweepPlan, plan_sweep, variant
 from gbt_ocp.experiments.sweep.table import WALL_CLOCK_COLUMNS, write_table
 from gbt_ocp.files import PARTIAL, whole_folder
 
@@ -311,7 +311,7 @@ def test_workers_take_up_no_further_run_when_the_sweep_is_killed_alone_and_it_is
         return [pid for pid in pids if state_and_parent(pid)[0] not in ("gone", "Z", "X")]
 
     folder = tmp_path / "sweep"
-    short, runs = ["duration_s=1.0", "guidance.kind=random"], 40
+    short, runs = ["duration_s=1.0", "guidance.kind=random"], 20
     arguments = ["case1", "--runs", str(runs), "--set", *short, "--jobs", "2", "--quiet"]
     process = subprocess.Popen([*COMMAND, *arguments, "--out", str(folder)], process_group=0)
     try:

@@ -4,7 +4,7 @@ import pytest
 
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config
-from gbt_ocp.experiments.sweep.plan import SweepPlan, plan_sweep, read_axis, read_entries, variant
+from gbt_ocp.experiments.sweep.sweep_plan import SweepPlan, plan_sweep, read_axis, read_entries, variant
 
 
 def overrides(plan):

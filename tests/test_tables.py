@@ -9,7 +9,7 @@ import pytest
 from gbt_ocp.experiments.sweep.table import write_table
 from gbt_ocp.reporting.bands import Curve, draw_bands
 from gbt_ocp.reporting.tables import Spread, Table
-from gbt_ocp.studies.limits.tables import read_rows, write_rows
+from gbt_ocp.studies.limits.comparison_tables import read_rows, write_rows
 
 
 @pytest.fixture

@@ -113,7 +113,7 @@ def test_fig7_finds_errors_that_fall_with_the_window_and_rise_with_the_forecast(
 
 def test_fig7_on_real_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(fig7, "CASES", ("case1",))
-    monkeypatch.setattr(fig7, "WINDOWS", (6, 12))
+    monkeypatch.setattr(fig7, "WINDOW_LENGTHS", (6, 12))
     monkeypatch.setattr(fig7, "SETTINGS", ("duration_s=3", "planner.formulation=hard"))
     report = fig7.conduct(Workbench(tmp_path, (0,), Serial()))
     report.write(tmp_path / "report")
@@ -238,7 +238,7 @@ def coupled(labels, number, wrong=0.0):
 
 
 def test_fig9_reads_errors_bounds_and_signs(monkeypatch):
-    monkeypatch.setattr(fig9, "_replayed", lambda *_: fig9.Replay(6.0, (10, 10)))
+    monkeypatch.setattr(fig9, "_replayed", lambda *_: fig9.ReplayOutcome(6.0, (10, 10)))
     report = fig9.conduct(MadeUp(coupled))
     assert verdicts(report, "settled error below 0.1 m") == [False, True] * 2
     assert verdicts(report, "within the bound") == [False, True] * 2

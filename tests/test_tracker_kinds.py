@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import gbt_ocp as gbt
-from gbt_ocp.experiments.build.tracker_kinds import kept_keys
-from gbt_ocp.experiments.build.trackers import TRACKERS
+from gbt_ocp.experiments.build.tracker_kinds import TRACKERS, kept_keys
+from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config import catalogue, schema
 from gbt_ocp.experiments.config.json_schema import json_schema
 from gbt_ocp.experiments.config.tracker import BaselineSection, GaussianProcessSection
+from gbt_ocp.models.sensors import BearingSensor
 
 DOCUMENTED = (Path(__file__).resolve().parents[1] / "docs" / "tracker.md").read_text(encoding="utf-8")
 
@@ -93,6 +94,13 @@ def test_a_kind_needs_a_name_and_a_family_of_its_own():
         gbt.TrackerKind(gbt.TrackerSection, lambda section, prior, sensor: None, "nameless")
     with pytest.raises(ValueError, match="family: found BaselineSection"):
         gbt.TrackerKind(GaussianProcessSection, lambda section, prior, sensor: None, "odd", BaselineSection)
+
+
+@pytest.mark.parametrize("kind", TRACKERS)
+def test_every_kind_is_built_from_its_section(kind):
+    """The registry names the functions that build, which are looked up when they are called."""
+    section = gbt.load_config("case2", [f"tracker.kind={kind}"]).tracker
+    assert callable(build_tracker(section, np.zeros(2), BearingSensor(0.1)).predict)
 
 
 def test_kinds_of_a_family_share_its_keys():

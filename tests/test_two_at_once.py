@@ -11,7 +11,7 @@ from test_run_folder import result as made_up
 from gbt_ocp.cli import folders
 from gbt_ocp.cli import main as cli
 from gbt_ocp.experiments.sweep import execution
-from gbt_ocp.experiments.sweep.plan import plan_sweep
+from gbt_ocp.experiments.sweep.sweep_plan import plan_sweep
 from gbt_ocp.files import FolderBusyError, alone_in, whole_folder
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="forks processes")

@@ -14,7 +14,7 @@ from gbt_ocp.experiments.config.allowed import holds_texts
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.config.schema import is_text
-from gbt_ocp.experiments.sweep.plan import plan_sweep, read_axis, read_entries
+from gbt_ocp.experiments.sweep.sweep_plan import plan_sweep, read_axis, read_entries
 
 LOOK_ALIKES = ["2024-05-01", "007", "1e5", "1.0", "no", "on", "True", "0x1F", "1_000", "-3", "0b11", "2024"]
 

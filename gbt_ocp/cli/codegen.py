@@ -10,7 +10,7 @@ from gbt_ocp.cli.folders import refuse_unwritable
 from gbt_ocp.cli.output import remark, show
 from gbt_ocp.cli.subcommand import Subcommand
 from gbt_ocp.experiments.config.faults import ConfigurationError
-from gbt_ocp.experiments.config.guidance import PlannerGuidance
+from gbt_ocp.experiments.config.guidance import PlannerGuidanceSection
 from gbt_ocp.experiments.config.loading import load_config
 
 
@@ -56,7 +56,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
         if solver == "compiled":
             planner = Planner(problem, solver, options)
             # of the closed loop; made up only where nothing is planned there, which the moments of a forecast allow
-            planned = isinstance(configuration.guidance, PlannerGuidance)
+            planned = isinstance(configuration.guidance, PlannerGuidanceSection)
             steps = recorded_steps(configuration, planner, OFFERED) if planned or not from_moments(problem) else None
             write_c(planner, arguments.out, steps, prefix)
         else:

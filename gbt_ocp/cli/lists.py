@@ -11,11 +11,11 @@ from pathlib import Path
 from gbt_ocp.cli.exit_codes import DONE
 from gbt_ocp.cli.output import show
 from gbt_ocp.cli.subcommand import Subcommand
-from gbt_ocp.experiments.build.trackers import TRACKERS
+from gbt_ocp.experiments.build.tracker_kinds import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.guidance import GUIDANCE_LAWS
 from gbt_ocp.experiments.config.json_schema import json_schema
-from gbt_ocp.experiments.config.planner import SOLVERS
+from gbt_ocp.experiments.config.planner import SOLVER_CHOICES
 
 
 def _add_nothing(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +28,7 @@ def _list(arguments: argparse.Namespace) -> int:
         "configurations": {name: catalogue.config_description(name) for name in catalogue.config_names()},
         "trackers": {name: kind.says for name, kind in TRACKERS.items()},
         "guidance laws": GUIDANCE_LAWS,
-        "solvers": SOLVERS,
+        "solvers": SOLVER_CHOICES,
     }
     for number, (title, entries) in enumerate(sections.items()):
         show(f"{'' if number == 0 else chr(10)}{title}")

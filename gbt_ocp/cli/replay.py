@@ -62,7 +62,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from gbt_ocp.experiments.replay import replay
-    from gbt_ocp.reporting.replay import score_table
+    from gbt_ocp.reporting.replay_figures import score_table
 
     where = _where(arguments.where)
     given: Path | None = arguments.out

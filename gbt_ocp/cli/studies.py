@@ -91,7 +91,7 @@ def _add_sweep(parser: argparse.ArgumentParser) -> None:
 
 def _sweep(arguments: argparse.Namespace) -> int:
     from gbt_ocp.experiments.sweep.carry_out import SweepInterrupted, sweep
-    from gbt_ocp.experiments.sweep.plan import read_axis, read_entries
+    from gbt_ocp.experiments.sweep.sweep_plan import read_axis, read_entries
 
     if arguments.config is None and arguments.resume is None:
         raise ConfigurationError(["CONFIG: found nothing; allowed: a configuration, or --resume DIR"])

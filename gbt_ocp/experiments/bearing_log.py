@@ -16,7 +16,7 @@ from gbt_ocp.experiments.config.consistency import LARGEST
 from gbt_ocp.experiments.config.faults import ConfigurationError, shown
 from gbt_ocp.experiments.config.yaml_dialect import shortened
 from gbt_ocp.experiments.contacts import chosen, told_apart
-from gbt_ocp.simulation.replay import BearingLog
+from gbt_ocp.simulation.replayed_track import BearingLog
 from gbt_ocp.typing import Array
 
 MOST_FAULTS = 5

@@ -34,7 +34,7 @@ WIDEST_GAP = 1.0e-3
 
 
 @dataclass(frozen=True)
-class Finding:
+class Remark:
     """One line of what was found.
 
     Attributes
@@ -52,7 +52,7 @@ class Finding:
     doubtful: bool = False
 
 
-def check_problem(configuration: Configuration) -> list[Finding]:
+def check_problem(configuration: Configuration) -> list[Remark]:
     """Build an experiment, evaluate its parts and make one plan.
 
     Parameters
@@ -68,21 +68,21 @@ def check_problem(configuration: Configuration) -> list[Finding]:
     try:
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always", RuntimeWarning)
-            return [*_findings(configuration), *(Finding("warning", str(one.message), True) for one in warned)]
+            return [*_remarks(configuration), *(Remark("warning", str(one.message), True) for one in warned)]
     except (ValueError, CompilerError) as fault:
         raise ConfigurationError([f"{configuration.name}: {fault}"]) from fault
 
 
-def _findings(configuration: Configuration) -> list[Finding]:
+def _remarks(configuration: Configuration) -> list[Remark]:
     problem = configuration.problem_object
-    found = [Finding("problem", f"{problem.name}: {problem.description}; {configuration.dimension} dimensions")]
+    found = [Remark("problem", f"{problem.name}: {problem.description}; {configuration.dimension} dimensions")]
     loop, start = build_loop(configuration)
     forecast_times = configuration.forecast_period * np.arange(configuration.tracker.forecast + 1)
     found.append(_of_target(loop.target, configuration.duration_s + forecast_times[-1]))
     found.extend(_of_vehicle(loop.vehicle))
     guidance = planned_of(loop.guidance)
     if guidance is None:
-        return [*found, Finding("guidance", f"{type(loop.guidance).__name__}, which plans nothing")]
+        return [*found, Remark("guidance", f"{type(loop.guidance).__name__}, which plans nothing")]
     found.extend(_of_terms(guidance.planner.problem))
     if isinstance(guidance.planner, Planner) and not any(map(_is_joint, guidance.planner.problem.objectives)):
         mean = np.asarray(loop.target.position(forecast_times))
@@ -91,7 +91,7 @@ def _findings(configuration: Configuration) -> list[Finding]:
     return found
 
 
-def _of_target(target: Target, until: float) -> Finding:
+def _of_target(target: Target, until: float) -> Remark:
     """The target over the time that a run asks for."""
     times = np.linspace(0.0, until, INSTANTS)
     where = f"{named(target, 'position')} from 0 to {until:.6g} s"
@@ -99,33 +99,35 @@ def _of_target(target: Target, until: float) -> Finding:
     given = called(target, "position", {"times": times}, f"positions of shape {shape}")
     path = finite(where, array(where, given, shape))
     speed = np.linalg.norm(np.diff(path, axis=0), axis=1).max() / times[1]
-    return Finding("target", f"{type(target).__name__}: starts at {_numbers(path[0])} m, at most {speed:.3g} m/s")
+    return Remark("target", f"{type(target).__name__}: starts at {_numbers(path[0])} m, at most {speed:.3g} m/s")
 
 
-def _of_vehicle(vehicle: Vehicle) -> list[Finding]:
+def _of_vehicle(vehicle: Vehicle) -> list[Remark]:
     n, gap = vehicle.flat_dimension, dynamics_gap(vehicle)
     size = f"{n} flat outputs, {n} inputs up to {_numbers(vehicle.thrust_max)}"
     difference = f"forward and inverse dynamics differ by {gap:.2g} of a typical acceleration"
     return [
-        Finding("vehicle", f"{type(vehicle).__name__}: {size}"),
-        Finding("vehicle", difference, not gap <= WIDEST_GAP),
+        Remark("vehicle", f"{type(vehicle).__name__}: {size}"),
+        Remark("vehicle", difference, not gap <= WIDEST_GAP),
     ]
 
 
-def _of_terms(problem: ProblemData) -> list[Finding]:
-    found = [Finding("objective", _described(term)) for term in problem.objectives]
+def _of_terms(problem: ProblemData) -> list[Remark]:
+    found = [Remark("objective", _described(term)) for term in problem.objectives]
     limits: Sequence[HardLimit | PenaltyLimit] = (*problem.hard, *problem.penalties)
     for limit in limits:
         size, how = len(limit.constraint.lower), "hard" if isinstance(limit, HardLimit) else "penalised"
         text = f"bounds {size} number{'s' * (size > 1)}, {how} at {limit.nodes} intervals a piece"
-        found.append(Finding("limit", f"{_described(limit.constraint)}; {text}"))
+        found.append(Remark("limit", f"{_described(limit.constraint)}; {text}"))
     if not any(map(_is_joint, problem.objectives)):
-        step = "the whole step" if from_moments(problem) else "from recorded steps, since a term needs data of its own"
-        found.append(Finding("codegen", step))
+        step = (
+            "the complete step" if from_moments(problem) else "from recorded steps, since a term needs data of its own"
+        )
+        found.append(Remark("codegen", step))
     return found
 
 
-def _of_plan(guidance: PlannedMotion, planner: Planner, start: Array, known: Forecast) -> Finding:
+def _of_plan(guidance: PlannedMotion, planner: Planner, start: Array, known: Forecast) -> Remark:
     """One plan for a target that is known."""
     guidance.see(None)
     plan = guidance.decide(0.0, start, known)
@@ -133,7 +135,7 @@ def _of_plan(guidance: PlannedMotion, planner: Planner, start: Array, known: For
     guidance.restart()
     text = f"one plan with {planner.solver.name}: {plan.status} in {plan.iterations} iterations"
     text += f", answered by {plan.fallback}" if plan.fallback else ""
-    return Finding("plan", f"{text}; objective {plan.objective:.4g}, violation {plan.violation:.2g}", not plan.solved)
+    return Remark("plan", f"{text}; objective {plan.objective:.4g}, violation {plan.violation:.2g}", not plan.solved)
 
 
 def _described(term: Objective | JointObjective | Constraint) -> str:

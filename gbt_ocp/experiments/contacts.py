@@ -12,7 +12,7 @@ from gbt_ocp.typing import Array
 FEWEST_ROWS = 3
 """Rows of a value, and changes from one value to another, below which nothing is concluded from a column."""
 
-MOST_VALUES = 50
+MOST_CONTACTS = 50
 """A column with more values is a measurement or a counter, and no name of a contact."""
 
 FARTHER = 4.0
@@ -66,7 +66,7 @@ def told_apart(values: Sequence[str], bearings: Array) -> tuple[float, float] | 
     """
     counts = Counter(values)
     frequent = [name for name, count in counts.items() if count >= FEWEST_ROWS]
-    if len(frequent) < 2 or len(counts) > MOST_VALUES:
+    if len(frequent) < 2 or len(counts) > MOST_CONTACTS:
         return None
     names = np.asarray(values)
     changes = np.flatnonzero(names[1:] != names[:-1])

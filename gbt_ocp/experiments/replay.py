@@ -23,12 +23,12 @@ from gbt_ocp.experiments.config.tracker import TrackerSection
 from gbt_ocp.files import whole_folder
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.simulation import run_folder
-from gbt_ocp.simulation.replay import BearingLog, ReplayedTrack, _followed
 from gbt_ocp.simulation.replay_scores import scores
+from gbt_ocp.simulation.replayed_track import BearingLog, ReplayedTrack, _followed
 from gbt_ocp.simulation.summary import installed_versions
 from gbt_ocp.tracking.protocol import PositionTracker
 
-SHIPPED = "replay"
+DEFAULT_REPLAY = "replay"
 """The default configuration."""
 
 
@@ -61,7 +61,7 @@ class Replayed:
         FileExistsError
             If there is something of that name already.
         """
-        from gbt_ocp.reporting.replay import draw_replay, score_table  # matplotlib only when something is drawn
+        from gbt_ocp.reporting.replay_figures import draw_replay, score_table  # matplotlib only when something is drawn
 
         final = Path(folder)
         with whole_folder(final) as temporary:
@@ -79,7 +79,7 @@ class Replayed:
 
 def replay(
     log: str | os.PathLike[str],
-    configuration: str | Path | Mapping[str, Any] = SHIPPED,
+    configuration: str | Path | Mapping[str, Any] = DEFAULT_REPLAY,
     *,
     trackers: Sequence[str] = (),
     bearing_from: str | None = None,

@@ -19,8 +19,8 @@ from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.interrupts import interrupted_between_steps
 from gbt_ocp.experiments.result import Result
-from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.guidance.startup import planner_of
+from gbt_ocp.guidance.strategy import Guidance
 from gbt_ocp.ocp.codegen.library import CompilerError
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness

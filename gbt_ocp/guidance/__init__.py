@@ -9,8 +9,8 @@ from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
 from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
 from gbt_ocp.guidance.past import PastBearings
 from gbt_ocp.guidance.planned import PlannedMotion
-from gbt_ocp.guidance.protocol import BearingGuidance, Guidance, Placement
 from gbt_ocp.guidance.startup import CrossFirst
+from gbt_ocp.guidance.strategy import BearingGuidance, Guidance, Placement
 from gbt_ocp.guidance.target_limits import FieldOfView, RangeLimits
 
 __all__ = [

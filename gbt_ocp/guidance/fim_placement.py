@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gbt_ocp.guidance.protocol import Placement
+from gbt_ocp.guidance.strategy import Placement
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sizes import positive
 from gbt_ocp.tracking.protocol import Forecast

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from gbt_ocp.guidance.inverse_dynamics import InverseDynamics
 from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.planned import PlannedMotion
-from gbt_ocp.guidance.protocol import Guidance
+from gbt_ocp.guidance.strategy import Guidance
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sizes import not_negative, positive, vector
 from gbt_ocp.models.vehicles import Vehicle
@@ -23,7 +23,7 @@ from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
 
-LOST = 1.6
+CROSS_AGAIN = 1.6
 """Factor on the deviation at which a vehicle that planned already crosses again."""
 
 STRAIGHT = 1e-9
@@ -81,7 +81,7 @@ class Crossing:
         distance = float(np.linalg.norm(line))
         sight = line / distance if distance > 0.0 else np.eye(d)[0]
         spread = float(np.sqrt(max(sight @ np.nan_to_num(covariance, nan=0.0) @ sight, 0.0)))
-        self.known = spread < (LOST if self.known else 1.0) * self.deviation * distance
+        self.known = spread < (CROSS_AGAIN if self.known else 1.0) * self.deviation * distance
         if self.known:
             self.crossing = False
             return None

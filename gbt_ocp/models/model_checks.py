@@ -108,8 +108,8 @@ def check_vehicle(vehicle: Vehicle) -> None:
         where = f"{name} of {named(vehicle, 'flat')}"
         array(where, found, (n,))
         if np.all(np.isfinite(found)) and not np.allclose(found, given, rtol=1e-3, atol=1e-6):
-            told = f"{given.tolist()}, of which {named(vehicle, 'state')} made the state"
-            raise ContractError(f"{where}: found {found.tolist()}; allowed: {told}")
+            allowed = f"{given.tolist()}, of which {named(vehicle, 'state')} made the state"
+            raise ContractError(f"{where}: found {found.tolist()}; allowed: {allowed}")
     for name in ("pose", "velocity"):
         array(named(vehicle, name), called(vehicle, name, {"state": state}, f"({d + 1},)"), (d + 1,), "(d+1,)")
     thrust = 0.5 * vehicle.thrust_max

@@ -37,7 +37,7 @@ def not_negative(name: str, value: float) -> float:
 
 
 def at_least(name: str, value: int, least: int) -> int:
-    """The number, if it is whole and not below ``least``.
+    """The number, if it is an integer and not below ``least``.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from gbt_ocp.ocp.braking import BrakingPlanner
 from gbt_ocp.ocp.check import LimitCheck
 from gbt_ocp.ocp.limit_classes import LimitClass, limit_class
 from gbt_ocp.ocp.problem_data import ProblemData
-from gbt_ocp.ocp.solvers.base import GIVEN_UP, OUT_OF_ITERATIONS, Solution, Solver, Step
+from gbt_ocp.ocp.solvers.base import GIVEN_UP, OUT_OF_ITERATIONS, PlannerStep, Solution, Solver
 from gbt_ocp.ocp.trajectory import FlatTrajectory, settling
 from gbt_ocp.ocp.transcription import input_scale
 from gbt_ocp.typing import Array
@@ -78,7 +78,7 @@ class Ladder:
         limits: Sequence[Array],
         previous: Array | None,
         data: Mapping[str, Any],
-    ) -> Step:
+    ) -> PlannerStep:
         """See :class:`gbt_ocp.ocp.solvers.base.PlansSteps`."""
         given = _Given(start, objectives, limits, self._check.at_start(start, limits))
         period = self._problem.period
@@ -108,7 +108,7 @@ class Ladder:
 
     def _judge(
         self, given: _Given, trajectory: FlatTrajectory, status: str, fallback: str, iterations: int, tightened: int
-    ) -> Step:
+    ) -> PlannerStep:
         """What the limits say of the plan, and which of them had to give."""
         fine = self._check.survey(trajectory, given.limits)
         nodes = self._check.survey(trajectory, given.limits, nodes=True)
@@ -116,7 +116,7 @@ class Ladder:
         given_up = np.where(gave & ~self._thrust, np.maximum(fine.max(axis=1), 0.0), 0.0)
         if status == "solved" and np.any(given_up > 0.0):
             status = GIVEN_UP
-        return Step(
+        return PlannerStep(
             top=trajectory.top,
             status=status,
             fallback=fallback,

@@ -30,7 +30,7 @@ class Plan:
     objective
         The objective without penalty, summed over the endpoints.
     violation
-        Worst violation of the true limits over the whole plan on the fine grid, in units of the limits, at least 0.
+        Worst violation of the true limits over the plan on the fine grid, in units of the limits, at least 0.
     piece_violation
         The same for each piece ``(p,)``.
     iterations

@@ -62,7 +62,7 @@ class JointObjective(Protocol):
 class FromMoments(Protocol):
     """An objective whose parameters follow from mean, covariance and desired bearing alone.
 
-    It can be generated as C together with the whole step of the planner.
+    It can be generated as C together with the step of the planner.
     """
 
     @property
@@ -163,7 +163,7 @@ class MovingConstraint(Protocol):
 class LimitFromMoments(Protocol):
     """A moving constraint whose numbers at a knot follow from mean and covariance of the target's position then.
 
-    It can be generated as C together with the whole step of the planner.
+    It can be generated as C together with the step of the planner.
     """
 
     @property

@@ -182,7 +182,7 @@ class Transcription:
 
     @property
     def elastic_nlp(self) -> dict[str, ca.MX]:
-        """The same program with the kinks of the penalty told as constraints, which Newton's method can follow.
+        """The same program with the kinks of the penalty as constraints, which Newton's method can follow.
 
         The smoothed hinge is the infimal convolution of a hinge and a square:
         ``g(y) = min s + e²/(4ϖ)`` over ``s >= 0, e`` with ``s + e >= y + ϖ``. So with s and e as further unknowns

@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gbt_ocp.reporting.animation import write_animation
     from gbt_ocp.reporting.figures import draw_figures
-    from gbt_ocp.reporting.replay import draw_replay
+    from gbt_ocp.reporting.replay_figures import draw_replay
     from gbt_ocp.reporting.run_report import write_report
     from gbt_ocp.reporting.tables import Table
 
 _HOMES = {
     "Table": "tables",
     "draw_figures": "figures",
-    "draw_replay": "replay",
+    "draw_replay": "replay_figures",
     "write_animation": "animation",
     "write_report": "run_report",
 }

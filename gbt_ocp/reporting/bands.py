@@ -14,17 +14,6 @@ from gbt_ocp.typing import Array
 QUANTILES = (0.1, 0.9)
 """Ends of the band."""
 
-_LOOKS = (
-    (style.BLUE, "-"),
-    (style.VERMILLION, "--"),
-    (style.GREEN, "-."),
-    (style.ORANGE, ":"),
-    (style.PURPLE, (0, (5, 1, 1, 1, 1, 1))),
-    (style.SKY, (0, (8, 2))),
-    (style.BLACK, (0, (1, 1))),
-    (style.GREY, "-"),
-)
-
 
 @dataclass(frozen=True)
 class Curve:
@@ -74,9 +63,9 @@ def draw_bands(
         If there are more labels than looks.
     """
     labels = list(dict.fromkeys(label for curves in panels.values() for label in curves))
-    if len(labels) > len(_LOOKS):
-        raise ValueError(f"found {len(labels)} labels; allowed: at most {len(_LOOKS)}")
-    looks = dict(zip(labels, _LOOKS, strict=False))
+    if len(labels) > len(style.CURVES):
+        raise ValueError(f"found {len(labels)} labels; allowed: at most {len(style.CURVES)}")
+    looks = dict(zip(labels, style.CURVES, strict=False))
     rows = -(-len(panels) // columns)
     with style.styled():
         figure = style.new_figure(0.7 + 2.0 * rows)

@@ -21,6 +21,18 @@ VERMILLION = "#D55E00"
 PURPLE = "#CC79A7"
 GREY = "#7F7F7F"
 
+CURVES: tuple[tuple[str, Any], ...] = (
+    (BLUE, "-"),
+    (VERMILLION, "--"),
+    (GREEN, "-."),
+    (ORANGE, ":"),
+    (PURPLE, (0, (5, 1, 1, 1, 1, 1))),
+    (SKY, (0, (8, 2))),
+    (BLACK, (0, (1, 1))),
+    (GREY, "-"),
+)
+"""Colour and dashes of the curves in a figure, in their order."""
+
 DPI = 200
 WIDTH = 6.3
 """Inches: the text width of an A4 page, so that the type is printed at its own size."""

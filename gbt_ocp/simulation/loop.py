@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.guidance.pacing import PacedBearing
-from gbt_ocp.guidance.protocol import BearingGuidance, Guidance, Placement
+from gbt_ocp.guidance.strategy import BearingGuidance, Guidance, Placement
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target

@@ -19,10 +19,10 @@ GRID = 101
 """Points a piece at which the executed thrust is recorded and compared with its limits."""
 
 ROUND_OFF = 1.0e-9
-"""Excess of a thrust over its limit, relative to it, that is none."""
+"""Relative excess of a thrust over its limit that counts as round-off."""
 
 ON_PLAN = 1.0e-6
-"""Distance from a plan (m, rad, and per second) that is none."""
+"""Distance from a plan (m, rad, and per second) that counts as on it."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ CORRELATION_S = 20.0
 KNOT_S = 1.0
 """Time between the draws of the slowly varying force in s; it is linear between them."""
 
-SAME_TIME = 1e-9
+SAME_COMMAND_TIME = 1e-9
 """Two times in s that differ by less are the same."""
 
 
@@ -148,8 +148,8 @@ class Motion:
         self._commands.append((began + plant.dead_time, command))
         x = np.concatenate([state, self._acting]) if plant.lag > 0.0 else np.asarray(state, dtype=float)
         reached = 0.0
-        while reached < duration - SAME_TIME:
-            while len(self._commands) > 1 and self._commands[1][0] <= began + reached + SAME_TIME:
+        while reached < duration - SAME_COMMAND_TIME:
+            while len(self._commands) > 1 and self._commands[1][0] <= began + reached + SAME_COMMAND_TIME:
                 self._commands.popleft()
             given, present = self._commands[0]
             later = self._commands[1][0] - began if len(self._commands) > 1 else duration

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.simulation.calibration import squared_errors, within
-from gbt_ocp.simulation.replay import BearingLog
+from gbt_ocp.simulation.replayed_track import BearingLog
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, relative_range_std
 from gbt_ocp.typing import Array
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gbt_ocp.guidance.protocol import Placement
+from gbt_ocp.guidance.strategy import Placement
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.simulation.mover import Move

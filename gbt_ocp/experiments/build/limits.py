@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from gbt_ocp.experiments.config.limits import LIMITS, Limits
+from gbt_ocp.experiments.config.limits import LIMIT_KINDS, LimitsSection
 from gbt_ocp.ocp import TrajectoryProblem
 
 
-def with_limits(problem: TrajectoryProblem, section: Limits) -> TrajectoryProblem:
+def with_limits(problem: TrajectoryProblem, section: LimitsSection) -> TrajectoryProblem:
     """The problem subject to the limits of the section: those of ``hard`` at the nodes, the others as penalties.
 
     Raises
@@ -14,7 +14,7 @@ def with_limits(problem: TrajectoryProblem, section: Limits) -> TrajectoryProble
     ValueError
         If a limit makes no sense, or the vehicle's flat output has no yaw for one that needs it.
     """
-    for name, limit in LIMITS.items():
+    for name, limit in LIMIT_KINDS.items():
         value = getattr(section, limit.key)
         for constraint in () if value is None else limit.constraints(value, problem):
             if name in section.hard:

@@ -13,16 +13,16 @@ from gbt_ocp.experiments.build.objective import build_joint, build_objective, bu
 from gbt_ocp.experiments.build.plant import build_plant
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.guidance import (
-    CircumnavigationGuidance,
-    ConstantForceGuidance,
-    FimPlacementGuidance,
-    RandomGuidance,
-    StaticGuidance,
+    CircumnavigationGuidanceSection,
+    ConstantForceGuidanceSection,
+    FimPlacementGuidanceSection,
+    HelicalGuidanceSection,
+    RandomGuidanceSection,
+    StaticGuidanceSection,
 )
-from gbt_ocp.experiments.config.guidance import HelicalGuidance as HelicalSection
 from gbt_ocp.experiments.config.schema import Configuration
-from gbt_ocp.experiments.config.target import TrackTarget, TurningTarget
-from gbt_ocp.experiments.config.vehicle import FossenVehicle, VehicleParameters
+from gbt_ocp.experiments.config.target import TrackTargetSection, TurningTargetSection
+from gbt_ocp.experiments.config.vehicle import FossenVehicleSection, VehicleParametersSection
 from gbt_ocp.guidance.circumnavigation import Circumnavigation
 from gbt_ocp.guidance.fim_placement import FimPlacement
 from gbt_ocp.guidance.helical import HelicalGuidance
@@ -30,17 +30,15 @@ from gbt_ocp.guidance.objectives import RangePull
 from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
 from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
 from gbt_ocp.guidance.planned import PlannedMotion
-from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.guidance.startup import CrossFirst
+from gbt_ocp.guidance.strategy import Guidance
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.contracts import ContractError, made, named
-from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenParameters
-from gbt_ocp.models.fossen import FossenVehicle as Fossen
+from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenParameters, FossenVehicle
 from gbt_ocp.models.model_checks import check_target, check_vehicle
 from gbt_ocp.models.sensors import BearingSensor
-from gbt_ocp.models.targets import Target, case_target
-from gbt_ocp.models.targets import TrackTarget as RecordedTarget
-from gbt_ocp.models.turning import TurningTarget as RandomTurns
+from gbt_ocp.models.targets import Target, TrackTarget, case_target
+from gbt_ocp.models.turning import TurningTarget
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp import Planner, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.follower import BANDWIDTH
@@ -75,8 +73,8 @@ def build_target(configuration: Configuration, rng: np.random.Generator | None =
         If the problem's own target lacks something, or its motion cannot be drawn or read.
     """
     section = configuration.target
-    if isinstance(section, TurningTarget):
-        return RandomTurns(
+    if isinstance(section, TurningTargetSection):
+        return TurningTarget(
             configuration.dimension,
             Streams.of(configuration.seed).target if rng is None else rng,
             duration=configuration.duration_s + configuration.tracker.forecast * configuration.forecast_period,
@@ -87,8 +85,8 @@ def build_target(configuration: Configuration, rng: np.random.Generator | None =
             hold=section.hold_s,
             climb_rate_max=section.climb_rate_max,
         )
-    if isinstance(section, TrackTarget):
-        return RecordedTarget.from_csv(
+    if isinstance(section, TrackTargetSection):
+        return TrackTarget.from_csv(
             section.path,
             configuration.dimension,
             length_scale=section.length_scale,
@@ -115,7 +113,7 @@ def build_vehicle(configuration: Configuration) -> Vehicle:
         If the problem's own vehicle lacks something or moves in another number of dimensions.
     """
     section = configuration.vehicle
-    if not isinstance(section, FossenVehicle):
+    if not isinstance(section, FossenVehicleSection):
         factory = configuration.problem_object.vehicle
         assert factory is not None, "checked when the configuration was read"
         vehicle: Vehicle = made("vehicle", factory)
@@ -125,13 +123,13 @@ def build_vehicle(configuration: Configuration) -> Vehicle:
             raise ContractError(f"{found}; allowed: {configuration.dimension}, the problem's")
         return vehicle
     given = section.parameters
-    if isinstance(given, VehicleParameters):
+    if isinstance(given, VehicleParametersSection):
         parameters = FossenParameters(
             given.mass, given.inertia, given.added_mass, given.linear_drag, given.quadratic_drag
         )
     else:
         parameters = FALCON_2D if configuration.dimension == 2 else FALCON_3D
-    return Fossen(parameters, section.thrust_max)
+    return FossenVehicle(parameters, section.thrust_max)
 
 
 def paced(configuration: Configuration, desired: DesiredBearing, vehicle: Vehicle) -> DesiredBearing | PacedBearing:
@@ -197,21 +195,21 @@ def build_guidance(
 ) -> Guidance:
     """The observer strategy; the tracker for a plan whose objective asks it for more than a forecast."""
     section = configuration.guidance
-    if isinstance(section, StaticGuidance):
+    if isinstance(section, StaticGuidanceSection):
         return Static(vehicle)
-    if isinstance(section, ConstantForceGuidance):
+    if isinstance(section, ConstantForceGuidanceSection):
         return ConstantForce(vehicle, section.force)
-    if isinstance(section, RandomGuidance):
+    if isinstance(section, RandomGuidanceSection):
         return RandomThrust(vehicle, section.hold_s, rng)
     period = configuration.sensor.period_s
-    if isinstance(section, CircumnavigationGuidance):
+    if isinstance(section, CircumnavigationGuidanceSection):
         return Circumnavigation(
             vehicle, period, speed=section.speed, radial_gain=section.radial_gain, standoff=section.standoff_m
         )
-    if isinstance(section, FimPlacementGuidance):
+    if isinstance(section, FimPlacementGuidanceSection):
         assert isinstance(desired, DesiredBearing), "only the planner's bearing is paced"
         return FimPlacement(desired, period, standoff=section.standoff_m)
-    if isinstance(section, HelicalSection):
+    if isinstance(section, HelicalGuidanceSection):
         return HelicalGuidance(
             vehicle,
             period,

@@ -1,17 +1,23 @@
-"""A kind of tracker: its section of the configuration, and the function that builds it from there."""
+"""The kinds of trackers, each with its section of the configuration and the function that builds it from there.
+
+The command line and the checks of a configuration read the names and sections. No tracker is imported for that.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, TypeAlias, get_args
 
+from gbt_ocp.experiments.config import tracker as sections
 from gbt_ocp.experiments.config.tracker import TrackerSection
-from gbt_ocp.models.sensors import BearingSensor
-from gbt_ocp.tracking.priors import PositionPrior
-from gbt_ocp.tracking.protocol import PositionTracker, Tracker
 
-Builder = Callable[[Any, PositionPrior, BearingSensor], Tracker | PositionTracker]
+if TYPE_CHECKING:
+    from gbt_ocp.models.sensors import BearingSensor
+    from gbt_ocp.tracking.priors import PositionPrior
+    from gbt_ocp.tracking.protocol import PositionTracker, Tracker
+
+Builder: TypeAlias = "Callable[[Any, PositionPrior, BearingSensor], Tracker | PositionTracker]"
 """From a section, the prior position and the sensor to an estimator."""
 
 
@@ -61,3 +67,75 @@ def kept_keys(old: TrackerKind | None, new: TrackerKind | None) -> set[str]:
     same = old is not None and new is not None and old.family is new.family
     family = new.family if same and new is not None else TrackerSection
     return {*family.model_fields} - {"kind"}
+
+
+def _builder(name: str) -> Builder:
+    """The function of a name in :mod:`gbt_ocp.experiments.build.estimators`, which is imported at its first call."""
+
+    def build(section: Any, prior: PositionPrior, sensor: BearingSensor) -> Tracker | PositionTracker:
+        from gbt_ocp.experiments.build import estimators
+
+        built: Tracker | PositionTracker = getattr(estimators, name)(section, prior, sensor)
+        return built
+
+    return build
+
+
+TRACKERS = {
+    kind.name: kind
+    for kind in (
+        TrackerKind(
+            sections.GaussianProcessSection,
+            _builder("gaussian_process"),
+            "Gaussian process on a window of pseudo-linear bearings (paper, section 3)",
+            sections.ProcessSection,
+        ),
+        TrackerKind(
+            sections.CoregionalizedSection,
+            _builder("coregionalized"),
+            "Gaussian process whose axes move together: linear model of coregionalization (section 3.3)",
+            sections.ProcessSection,
+        ),
+        TrackerKind(
+            sections.MotionSection,
+            _builder("motion"),
+            "Gaussian process on turn rate and log speed, for noisy bearings and unknown range",
+            sections.ShapeSection,
+        ),
+        TrackerKind(
+            sections.MixtureSection,
+            _builder("mixture"),
+            "motion_gp and a Gaussian process on the velocity, weighed by how well each predicted the bearings",
+            sections.ShapeSection,
+        ),
+        TrackerKind(
+            sections.OrthogonalityStaticSection,
+            _builder("orthogonality_static"),
+            "orthogonality-based estimator of a static target",
+        ),
+        TrackerKind(
+            sections.OrthogonalityVelocitySection,
+            _builder("orthogonality_velocity"),
+            "orthogonality-based estimator of a target with constant velocity",
+        ),
+        TrackerKind(sections.PseudoLinearSection, _builder("pseudo_linear"), "pseudo-linear Kalman filter"),
+        TrackerKind(
+            sections.InteractingPseudoLinearSection,
+            _builder("imm_pseudo_linear"),
+            "interacting multiple models with pseudo-linear updates",
+        ),
+        TrackerKind(sections.ExtendedKalmanSection, _builder("extended"), "extended Kalman filter, constant velocity"),
+        TrackerKind(
+            sections.InteractingExtendedSection,
+            _builder("imm_extended"),
+            "interacting multiple models with extended updates",
+        ),
+        TrackerKind(
+            sections.InteractingPositionSection,
+            _builder("imm_position"),
+            "interacting multiple models that see the target's full position",
+        ),
+        TrackerKind(sections.PolynomialSection, _builder("polynomial"), "polynomial regression on the window"),
+    )
+}
+"""Kinds of trackers by their names; :func:`~gbt_ocp.experiments.config.schema.register_tracker` adds one."""

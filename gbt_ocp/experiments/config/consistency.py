@@ -12,15 +12,15 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gbt_ocp.experiments.build.trackers import TRACKERS
+from gbt_ocp.experiments.build.tracker_kinds import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.faults import NOTHING, Fault, shown, value_at
 from gbt_ocp.experiments.config.keys import Section
-from gbt_ocp.experiments.config.noise import NoisyBearings
-from gbt_ocp.experiments.config.planner import Planner
-from gbt_ocp.experiments.config.plant import Plant
+from gbt_ocp.experiments.config.noise import NoisyBearingsSection
+from gbt_ocp.experiments.config.planner import PlannerSection
+from gbt_ocp.experiments.config.plant import PlantSection
 from gbt_ocp.experiments.config.schema import Configuration, kinds
-from gbt_ocp.experiments.config.sensor import Sensor
+from gbt_ocp.experiments.config.sensor import SensorSection
 from gbt_ocp.experiments.config.tracker import GaussianProcessSection, ShapeSection, TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 
@@ -59,15 +59,15 @@ def _number(merged: Mapping[str, Any], path: tuple[str, ...], default: Any) -> f
 
 
 def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
-    pieces = _number(merged, ("planner", "pieces"), Planner.model_fields["pieces"].default)
+    pieces = _number(merged, ("planner", "pieces"), PlannerSection.model_fields["pieces"].default)
     forecast = _number(merged, ("tracker", "forecast"), TrackerSection.model_fields["forecast"].default)
-    degree = _number(merged, ("planner", "degree"), Planner.model_fields["degree"].default)
+    degree = _number(merged, ("planner", "degree"), PlannerSection.model_fields["degree"].default)
     continuity = _number(merged, ("planner", "continuity"), None)
     if degree is not None and continuity is not None and continuity >= degree >= 2:
         allowed = f"null, or a whole number from 1 to planner.degree - 1 = {degree - 1}"
         yield Fault(("planner", "continuity"), shown(continuity), allowed)
     duration = _number(merged, ("duration_s",), Configuration.model_fields["duration_s"].default)
-    period = _number(merged, ("sensor", "period_s"), Sensor.model_fields["period_s"].default)
+    period = _number(merged, ("sensor", "period_s"), SensorSection.model_fields["period_s"].default)
     steps = 1.0
     piece = _number(merged, ("planner", "period_s"), None)
     ahead = _number(merged, ("tracker", "forecast_period_s"), None)
@@ -122,7 +122,7 @@ def _noise(merged: Mapping[str, Any]) -> Iterator[Fault]:
         return
     if value_at(merged, (*path, "std_deg")) in (NOTHING, None) and not _number(merged, ("sensor", "noise_deg"), 0.0):
         yield Fault((*path, "std_deg"), "null", "a number > 0 where sensor.noise_deg is 0")
-    yield from _bins(merged, path, NoisyBearings, 2)
+    yield from _bins(merged, path, NoisyBearingsSection, 2)
 
 
 def without_effect(merged: Mapping[str, Any], beneath: Mapping[str, Any]) -> Iterator[Fault]:
@@ -167,7 +167,7 @@ def _plant(merged: Mapping[str, Any]) -> Iterator[Fault]:
     if bandwidth not in (NOTHING, None) and follow != "feedback":
         yield Fault(("vehicle", "follow_bandwidth"), shown(bandwidth), "null without vehicle.follow = feedback")
     try:
-        plant = Plant.model_validate(merged.get("plant", {}))
+        plant = PlantSection.model_validate(merged.get("plant", {}))
     except ValidationError:  # said where single keys are checked
         return
     if plant.is_model:
@@ -254,7 +254,7 @@ def _track(merged: Mapping[str, Any], dimension: int) -> Iterator[Fault]:
         _number(merged, ("target", "time_scale"), 1.0),
         _number(merged, ("target", "start_time_s"), 0.0),
         _number(merged, ("duration_s",), Configuration.model_fields["duration_s"].default),
-        _number(merged, ("sensor", "period_s"), Sensor.model_fields["period_s"].default),
+        _number(merged, ("sensor", "period_s"), SensorSection.model_fields["period_s"].default),
         _number(merged, ("tracker", "forecast"), TrackerSection.model_fields["forecast"].default),
     )
     period = _number(merged, ("tracker", "forecast_period_s"), None) or values[3]  # null may be written out

@@ -24,7 +24,7 @@ Direction = Annotated[
 ]
 
 
-class DesiredBearing(Section):
+class DesiredBearingSection(Section):
     """How the desired bearings turn: one turn in m sampling periods, or in a time."""
 
     m: int | None = key(

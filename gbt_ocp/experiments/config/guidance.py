@@ -20,7 +20,7 @@ GUIDANCE_LAWS = {
 """Observer strategies that exist, by ``guidance.kind``."""
 
 
-class PlannerGuidance(Section):
+class PlannerGuidanceSection(Section):
     """The vehicle follows the planned trajectory."""
 
     kind: Literal["planner"] = key(..., "Trajectory optimisation.")
@@ -30,38 +30,42 @@ class PlannerGuidance(Section):
         "0 plans at once.",
         ge=0.0,
     )
-    startup_speed: float = key(3.0, "Speed in m/s at which it crosses.", gt=0.0)
-    startup_leg_s: float = key(8.0, "Time in s after which it crosses the other way.", gt=0.0)
-    startup_opening: float = key(1.2, "Part of that speed in m/s that leads away from the target.", ge=0.0)
+    startup_speed: float = key(3.0, "Speed in m/s at which it crosses, where startup_deviation is above 0.", gt=0.0)
+    startup_leg_s: float = key(
+        8.0, "Time in s after which it crosses the other way, where startup_deviation is above 0.", gt=0.0
+    )
+    startup_opening: float = key(
+        1.2, "Part of startup_speed in m/s that leads away from the target, where startup_deviation is above 0.", ge=0.0
+    )
 
 
-class StaticGuidance(Section):
+class StaticGuidanceSection(Section):
     """The vehicle stays where it is (section 5.3, mode 1)."""
 
     kind: Literal["static"] = key(..., "No thrust.")
 
 
-class ConstantForceGuidance(Section):
+class ConstantForceGuidanceSection(Section):
     """Constant thrust (section 5.3, mode 2)."""
 
     kind: Literal["constant_force"] = key(..., "Constant body thrust.")
     force: InputNumbers = key(..., "Thrust in N on each axis, then the yaw moment in N m (default 500 N, no moment).")
 
 
-class RandomGuidance(Section):
+class RandomGuidanceSection(Section):
     """Random thrust within the limits (section 5.3, mode 3)."""
 
     kind: Literal["random"] = key(..., "Random body thrust.")
     hold_s: float = key(1.0, "Time each draw is held in s.", gt=0.0)
 
 
-class StandoffGuidance(Section):
+class StandoffGuidanceSection(Section):
     """What the laws share that keep a distance."""
 
     standoff_m: float = key(0.5, "Distance in m to keep from the estimate.", gt=0.0)
 
 
-class CircumnavigationGuidance(StandoffGuidance):
+class CircumnavigationGuidanceSection(StandoffGuidanceSection):
     """The vehicle circles the estimate."""
 
     kind: Literal["circumnavigation"] = key(..., "Circles the estimate.")
@@ -69,13 +73,13 @@ class CircumnavigationGuidance(StandoffGuidance):
     radial_gain: float = key(10.0, "Gain on the range in 1/s.", gt=0.0)
 
 
-class FimPlacementGuidance(StandoffGuidance):
+class FimPlacementGuidanceSection(StandoffGuidanceSection):
     """The vehicle is put where the next desired bearing is taken, without dynamics."""
 
     kind: Literal["fim_placement"] = key(..., "Placed at the optimal configuration.")
 
 
-class HelicalGuidance(StandoffGuidance):
+class HelicalGuidanceSection(StandoffGuidanceSection):
     """The vehicle winds around the line of sight."""
 
     kind: Literal["helical"] = key(..., "Winds around the line of sight.")
@@ -88,13 +92,13 @@ class HelicalGuidance(StandoffGuidance):
 
 
 AnyGuidance = Annotated[
-    PlannerGuidance
-    | StaticGuidance
-    | ConstantForceGuidance
-    | RandomGuidance
-    | CircumnavigationGuidance
-    | FimPlacementGuidance
-    | HelicalGuidance,
+    PlannerGuidanceSection
+    | StaticGuidanceSection
+    | ConstantForceGuidanceSection
+    | RandomGuidanceSection
+    | CircumnavigationGuidanceSection
+    | FimPlacementGuidanceSection
+    | HelicalGuidanceSection,
     Field(discriminator="kind"),
 ]
 """The section; ``kind`` chooses between its classes."""

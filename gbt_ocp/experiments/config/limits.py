@@ -1,8 +1,8 @@
 """The section ``limits``: what the vehicle must keep to besides its thrust.
 
 A limit is defined in one place: its name, its key with what the key allows, and the constraints that it makes. The
-functions below :class:`Limits` define those that exist. A further limit is a further function, here or in a problem's
-own file; see :func:`limit`.
+functions below :class:`LimitsSection` define those that exist. A further limit is a further function, here or in a
+problem's own file; see :func:`limit`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # CasADi takes a second to import, which a check of a configu
 Corner = tuple[float, float]
 
 
-class RangeLimit(Section):
+class RangeLimitSection(Section):
     """Distance from the target, as far as the forecast tells it."""
 
     nearest_m: Positive | None = key(None, "Least range in m.")
@@ -38,14 +38,14 @@ class RangeLimit(Section):
     )
 
 
-class DepthLimit(Section):
+class DepthLimitSection(Section):
     """The water, in space."""
 
     lowest_m: float = key(..., "Seabed: least z in m.")
     highest_m: float = key(..., "Surface: largest z in m.", "a number > lowest_m")
 
 
-class KeepOutZone(Section):
+class KeepOutZoneSection(Section):
     """A circle (a sphere in space) or a convex polygon (an upright prism in space)."""
 
     centre_m: PositionNumbers | None = key(None, "Centre of a circle in m.", "{d} numbers, beside radius_m")
@@ -55,7 +55,7 @@ class KeepOutZone(Section):
     )
 
 
-class Limits(Section):
+class LimitsSection(Section):
     """Limits besides thrust; what is null is not limited."""
 
     # Its keys are declared by :func:`limit`: those of LIMITS, then those that all limits share.
@@ -86,7 +86,7 @@ class Limit:
     constraints: Callable[[Any, TrajectoryProblem], Iterator[Constraint]]
 
 
-LIMITS: dict[str, Limit] = {}
+LIMIT_KINDS: dict[str, Limit] = {}
 """The limits that exist, by the names that ``limits.hard`` lists."""
 
 
@@ -113,18 +113,20 @@ def limit(name: str, key: str, annotation: Any, declared: Any) -> Callable[[Any]
     """
 
     def define(constraints: Callable[[Any, TrajectoryProblem], Iterator[Constraint]]) -> Any:
-        for other, found in LIMITS.items():
+        for other, found in LIMIT_KINDS.items():
             if (other == name or found.key == key) and found.constraints.__module__ != constraints.__module__:
                 raise ValueError(f"limit {name}: found a name or key ({key}) of a limit that exists; allowed: another")
-        LIMITS[name] = Limit(key, annotation, declared, constraints)
-        redeclare(Limits, {**{one.key: (one.annotation, one.declared) for one in LIMITS.values()}, **_shared()})
+        LIMIT_KINDS[name] = Limit(key, annotation, declared, constraints)
+        redeclare(
+            LimitsSection, {**{one.key: (one.annotation, one.declared) for one in LIMIT_KINDS.values()}, **_shared()}
+        )
         return constraints
 
     return define
 
 
 def _shared() -> dict[str, tuple[Any, Any]]:
-    names: Any = Literal.__getitem__(tuple(LIMITS))
+    names: Any = Literal.__getitem__(tuple(LIMIT_KINDS))
     return {
         "hard": (
             Annotated[tuple[names, ...], BeforeValidator(as_tuples)],
@@ -139,10 +141,10 @@ def _shared() -> dict[str, tuple[Any, Any]]:
 @limit(
     "range",
     "range",
-    RangeLimit | None,
+    RangeLimitSection | None,
     key(None, "Distance from the target."),
 )
-def _range(value: RangeLimit, problem: TrajectoryProblem) -> Iterator[Constraint]:
+def _range(value: RangeLimitSection, problem: TrajectoryProblem) -> Iterator[Constraint]:
     from gbt_ocp.guidance.target_limits import RangeLimits
 
     near = None if value.nearest_m is None else value.nearest_m + value.margin_m
@@ -155,10 +157,10 @@ def _range(value: RangeLimit, problem: TrajectoryProblem) -> Iterator[Constraint
 @limit(
     "keep_out",
     "keep_out",
-    Annotated[tuple[KeepOutZone, ...], BeforeValidator(as_tuples)],
+    Annotated[tuple[KeepOutZoneSection, ...], BeforeValidator(as_tuples)],
     key((), "Zones to stay out of.", "a list of mappings, each with centre_m and radius_m, or with corners_m"),
 )
-def _keep_out(value: tuple[KeepOutZone, ...], problem: TrajectoryProblem) -> Iterator[Constraint]:
+def _keep_out(value: tuple[KeepOutZoneSection, ...], problem: TrajectoryProblem) -> Iterator[Constraint]:
     from gbt_ocp.ocp import KeepOut, KeepOutPolygon
 
     for zone in value:
@@ -171,10 +173,10 @@ def _keep_out(value: tuple[KeepOutZone, ...], problem: TrajectoryProblem) -> Ite
 @limit(
     "depth",
     "depth",
-    DepthLimit | None,
+    DepthLimitSection | None,
     key(None, "Seabed and surface, in space."),
 )
-def _depth(value: DepthLimit, problem: TrajectoryProblem) -> Iterator[Constraint]:
+def _depth(value: DepthLimitSection, problem: TrajectoryProblem) -> Iterator[Constraint]:
     from gbt_ocp.ocp import DepthLimits
 
     yield DepthLimits(value.lowest_m, value.highest_m)

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from gbt_ocp.experiments.build.tracker_kinds import kept_keys
-from gbt_ocp.experiments.build.trackers import TRACKERS
+from gbt_ocp.experiments.build.tracker_kinds import TRACKERS, kept_keys
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config import yaml_dialect as dialect
 from gbt_ocp.experiments.config.consistency import extremes, inconsistencies, without_effect

@@ -9,7 +9,7 @@ from pydantic import Field
 from gbt_ocp.experiments.config.keys import Section, key
 
 
-class Noise(Section):
+class NoiseSection(Section):
     """What is known of the noise of the bearings."""
 
     std_deg: float = key(1.5, "White noise of a bearing in degrees.", gt=0.0)
@@ -21,7 +21,7 @@ class Noise(Section):
     own_std_m: float = key(0.0, "Standard deviation of the own position in m.", ge=0.0)
 
 
-class ScalePrior(Section):
+class ScalePriorSection(Section):
     """What is known of how fast the target moves, or of how far about."""
 
     median: float = key(
@@ -30,21 +30,21 @@ class ScalePrior(Section):
     log_std: float = key(0.7, "Standard deviation of its logarithm.", gt=0.0)
 
 
-class LengthScalePrior(Section):
+class LengthScalePriorSection(Section):
     """What is known of how soon the target changes its motion."""
 
     median_s: float = key(4.0, "Median length scale in s.", gt=0.0)
     log_std: float = key(0.8, "Standard deviation of its logarithm.", gt=0.0)
 
 
-class StartRangePrior(Section):
+class StartRangePriorSection(Section):
     """What is known of the range at the first bearing."""
 
     median_m: float = key(5.0, "Median range in m.", gt=0.0)
     log_std: float = key(1.0, "Standard deviation of its logarithm.", gt=0.0)
 
 
-class NoisyBearings(Noise):
+class NoisyBearingsSection(NoiseSection):
     """How the Gaussian-process tracker treats noisy bearings."""
 
     std_deg: float | None = key(  # type: ignore[assignment]  # here the sensor may say it
@@ -61,12 +61,12 @@ class NoisyBearings(Noise):
     hyperparameters: Literal["averaged", "maximum"] = key(
         "averaged", "Averaged over a grid by evidence, or the likeliest."
     )
-    scale: ScalePrior = Field(default_factory=ScalePrior, description="Prior of the kernel's scale.")
-    length_scale: LengthScalePrior = Field(
-        default_factory=LengthScalePrior, description="Prior of the kernel's length scale."
+    scale: ScalePriorSection = Field(default_factory=ScalePriorSection, description="Prior of the kernel's scale.")
+    length_scale: LengthScalePriorSection = Field(
+        default_factory=LengthScalePriorSection, description="Prior of the kernel's length scale."
     )
-    range: StartRangePrior = Field(
-        default_factory=StartRangePrior, description="Prior of the range, used until range is observable."
+    range: StartRangePriorSection = Field(
+        default_factory=StartRangePriorSection, description="Prior of the range, used until range is observable."
     )
     position_std_m: float = key(
         100.0, "Standard deviation in m of the target about the vehicle, once range is observable.", gt=0.0

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, ValidationInfo
 
 from gbt_ocp.experiments.config.keys import Section, key
 
-SOLVERS = {
+SOLVER_CHOICES = {
     "auto": "compiled where a C compiler is found, ipopt otherwise",
     "compiled": "interior point in C99, generated for the problem",
     "ipopt": "interior point (IPOPT through CasADi), the reference",
@@ -32,7 +32,7 @@ def _plain_options(value: dict[str, Any]) -> dict[str, Any]:
     return value
 
 
-class Planner(Section):
+class PlannerSection(Section):
     """The trajectory optimisation."""
 
     pieces: int = key(5, "p, pieces of the trajectory.", "a whole number from 1 to tracker.forecast (p <= n)", ge=1)
@@ -52,8 +52,8 @@ class Planner(Section):
     formulation: Literal["penalty", "hard"] = key("penalty", "Thrust limits as the paper's penalty or as constraints.")
     nodes: int = key(4, "n_c, intervals a piece at which limits are imposed.", ge=1)
     gamma: float = key(0.98, "γ, share of the limit that the solver is held to.", gt=0.0, le=1.0)
-    width: float = key(0.01, "ϖ, width of the penalty's smoothing, in thrust_units.", gt=0.0)
-    weight: float = key(1000.0, "w_p, weight of the penalty.", gt=0.0)
+    width: float = key(0.01, "ϖ, width of the penalty's smoothing, in thrust_units; with formulation: penalty.", gt=0.0)
+    weight: float = key(1000.0, "w_p, weight of the penalty; with formulation: penalty.", gt=0.0)
     thrust_units: Literal["normalised", "newton"] = key(
         "normalised", "Unit of the penalised thrust: the limit, or N and N m."
     )

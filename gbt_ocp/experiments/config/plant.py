@@ -35,7 +35,7 @@ def _force(value: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
     return value
 
 
-class Plant(Section):
+class PlantSection(Section):
     """What of the vehicle its model does not know; by default nothing. Factors apply to the model's parameters."""
 
     mass: float = _factor("Factor on mass and inertia.")

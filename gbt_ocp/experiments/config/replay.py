@@ -7,7 +7,7 @@ from typing import Any, Literal
 from gbt_ocp.experiments.config.keys import NotNegativeNumbers, Section, key
 
 
-class Replay(Section):
+class ReplaySection(Section):
     """Recorded bearings."""
 
     bearing_from: Literal["x", "north"] | None = key(

@@ -16,23 +16,22 @@ from typing import TYPE_CHECKING, Any, Literal, Union
 from pydantic import Field
 from pydantic.fields import FieldInfo
 
-from gbt_ocp.experiments.build.tracker_kinds import TrackerKind
-from gbt_ocp.experiments.build.trackers import TRACKERS
+from gbt_ocp.experiments.build.tracker_kinds import TRACKERS, TrackerKind
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config import yaml_dialect as dialect
 from gbt_ocp.experiments.config.allowed import holds_texts
-from gbt_ocp.experiments.config.desired_bearing import DesiredBearing
-from gbt_ocp.experiments.config.guidance import AnyGuidance, PlannerGuidance
+from gbt_ocp.experiments.config.desired_bearing import DesiredBearingSection
+from gbt_ocp.experiments.config.guidance import AnyGuidance, PlannerGuidanceSection
 from gbt_ocp.experiments.config.keys import Section, key, kinds_in, sections_in
-from gbt_ocp.experiments.config.limits import Limits, RangeLimit
-from gbt_ocp.experiments.config.planner import Planner
-from gbt_ocp.experiments.config.plant import Plant
-from gbt_ocp.experiments.config.replay import Replay
-from gbt_ocp.experiments.config.sensor import Sensor
-from gbt_ocp.experiments.config.target import CaseTarget, ManoeuvreTarget, ProblemTarget, TrackTarget, TurningTarget
+from gbt_ocp.experiments.config.limits import LimitsSection, RangeLimitSection
+from gbt_ocp.experiments.config.planner import PlannerSection
+from gbt_ocp.experiments.config.plant import PlantSection
+from gbt_ocp.experiments.config.replay import ReplaySection
+from gbt_ocp.experiments.config.sensor import SensorSection
+from gbt_ocp.experiments.config.target import AnyTarget
 from gbt_ocp.experiments.config.tracker import GaussianProcessSection, TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
-from gbt_ocp.experiments.config.vehicle import FossenVehicle, ProblemVehicle
+from gbt_ocp.experiments.config.vehicle import AnyVehicle, FossenVehicleSection
 
 
 def _any_tracker() -> Any:
@@ -56,26 +55,30 @@ class Configuration(Section):
     preset: Literal["default", "paper"] = key("default", "Fills what is not written.")
     seed: int = key(0, "Seed of every random draw.", ge=0)
     duration_s: float = key(30.0, "Length of the run in s.", "a number of at least two sampling periods", gt=0.0)
-    target: CaseTarget | ManoeuvreTarget | TurningTarget | TrackTarget | ProblemTarget = Field(
-        discriminator="kind", description="The target's motion (default: the problem's)."
-    )
-    sensor: Sensor = Field(default_factory=Sensor, description="The bearing sensor.")
+    target: AnyTarget = Field(description="The target's motion (default: the problem's).")
+    sensor: SensorSection = Field(default_factory=SensorSection, description="The bearing sensor.")
     tracker: AnyTracker = Field(
         default_factory=lambda: GaussianProcessSection(kind="gp"),
         discriminator="kind",
         description="How the target's motion is estimated.",
     )
     guidance: AnyGuidance = Field(
-        default_factory=lambda: PlannerGuidance(kind="planner"), description="How the vehicle moves."
+        default_factory=lambda: PlannerGuidanceSection(kind="planner"), description="How the vehicle moves."
     )
-    planner: Planner = Field(default_factory=Planner, description="How the trajectory is optimised.")
-    limits: Limits = Field(default_factory=Limits, description="Limits besides thrust.")
-    desired_bearing: DesiredBearing = Field(default_factory=DesiredBearing, description="How desired bearings turn.")
-    vehicle: FossenVehicle | ProblemVehicle = Field(
-        default_factory=lambda: FossenVehicle(kind="fossen"), discriminator="kind", description="The vehicle."
+    planner: PlannerSection = Field(
+        default_factory=PlannerSection, description="How the trajectory is optimised, for guidance.kind: planner."
     )
-    plant: Plant = Field(default_factory=Plant, description="How the vehicle that moves differs from its model.")
-    replay: Replay = Field(default_factory=Replay, description="Recorded bearings replayed.")
+    limits: LimitsSection = Field(
+        default_factory=LimitsSection, description="Limits besides thrust, which plans keep (guidance.kind: planner)."
+    )
+    desired_bearing: DesiredBearingSection = Field(
+        default_factory=DesiredBearingSection, description="How desired bearings turn."
+    )
+    vehicle: AnyVehicle = Field(default_factory=lambda: FossenVehicleSection(kind="fossen"), description="The vehicle.")
+    plant: PlantSection = Field(
+        default_factory=PlantSection, description="How the vehicle that moves differs from its model."
+    )
+    replay: ReplaySection = Field(default_factory=ReplaySection, description="How gbt-ocp replay reads a log.")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle as a mapping: the class of a registered tracker's section need not be importable where it is read."""
@@ -99,7 +102,7 @@ class Configuration(Section):
     @property
     def standoff(self) -> float | None:
         """Least range to the target in m, ``None`` without one."""
-        limit: RangeLimit | None = self.limits.range
+        limit: RangeLimitSection | None = self.limits.range
         return None if limit is None else limit.nearest_m
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from gbt_ocp.experiments.config.keys import Section, key
 
 
-class Sensor(Section):
+class SensorSection(Section):
     """The bearing sensor (section 5.6)."""
 
     period_s: float = key(0.1, "T, sampling period in s.", gt=0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from gbt_ocp.experiments.config.keys import (
     PositionNumbers,
@@ -14,13 +14,13 @@ from gbt_ocp.experiments.config.keys import (
 )
 
 
-class CaseTarget(Section):
+class CaseTargetSection(Section):
     """One of the paper's motions (section 5.2)."""
 
     kind: Literal["case1", "case2", "case4", "case5"] = key(..., "Case of the paper.")
 
 
-class ManoeuvreTarget(Section):
+class ManoeuvreTargetSection(Section):
     """The circling motions of the paper, with abrupt manoeuvres on request (section 5.6, scenario 5)."""
 
     kind: Literal["case3", "case6"] = key(..., "Case of the paper.")
@@ -34,7 +34,7 @@ def _increasing(value: tuple[float, float]) -> tuple[float, float]:
     return value
 
 
-class TurningTarget(Section):
+class TurningTargetSection(Section):
     """A boat whose turn rate is drawn again from time to time."""
 
     kind: Literal["turning"] = key(..., "Random turns at a steady or slowly varying speed.")
@@ -48,7 +48,7 @@ class TurningTarget(Section):
     climb_rate_max: float = key(0.1, "Vertical speeds are uniform within plus and minus this in m/s, in space.", ge=0.0)
 
 
-class TrackTarget(Section):
+class TrackTargetSection(Section):
     """A recorded track."""
 
     kind: Literal["track"] = key(..., "A recorded track.")
@@ -66,7 +66,14 @@ class TrackTarget(Section):
     start_time_s: float = key(0.0, "Recorded time skipped, in s.", ge=0.0)
 
 
-class ProblemTarget(Section):
+class ProblemTargetSection(Section):
     """The target that the problem module makes."""
 
     kind: Literal["problem"] = key(..., "The problem module's own target.")
+
+
+AnyTarget = Annotated[
+    CaseTargetSection | ManoeuvreTargetSection | TurningTargetSection | TrackTargetSection | ProblemTargetSection,
+    Field(discriminator="kind"),
+]
+"""The section; ``kind`` chooses between its classes."""

@@ -1,6 +1,6 @@
 """The section ``tracker``: how the target's motion is estimated, one class a kind.
 
-:mod:`gbt_ocp.experiments.build.trackers` lists the kinds, each with its section and the function that builds it.
+:mod:`gbt_ocp.experiments.build.tracker_kinds` lists the kinds, each with its section and the function that builds it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gbt_ocp.experiments.config.keys import (
     as_tuples,
     key,
 )
-from gbt_ocp.experiments.config.noise import Noise, NoisyBearings
+from gbt_ocp.experiments.config.noise import NoiseSection, NoisyBearingsSection
 
 KernelName = Literal["se", "matern32", "matern52", "rq"]
 
@@ -30,7 +30,7 @@ def _enough_kernels(value: tuple[str, ...], info: ValidationInfo) -> tuple[str, 
     return value
 
 
-class Prior(Section):
+class PriorSection(Section):
     """What is known of the target's position before the first bearing."""
 
     position: PositionNumbers = key(..., "Expected position in m.")
@@ -58,7 +58,7 @@ class TrackerSection(Section):
     forecast_period_s: Positive | None = key(
         None, "Time between predicted positions in s; null is one sampling period."
     )
-    prior: Prior | None = key(
+    prior: PriorSection | None = key(
         None, "Prior knowledge of the position.", "null, or a mapping with position and one of std, covariance"
     )
 
@@ -75,7 +75,7 @@ class ProcessSection(TrackerSection):
 
 
 def _own_or_named(value: Any) -> str:
-    return "own" if isinstance(value, Mapping | NoisyBearings) else "named"
+    return "own" if isinstance(value, Mapping | NoisyBearingsSection) else "named"
 
 
 class GaussianProcessSection(ProcessSection):
@@ -87,7 +87,7 @@ class GaussianProcessSection(ProcessSection):
         "tuned", "Prior standard deviation in m, tuned on the window or fixed."
     )
     noise: Annotated[
-        Annotated[Literal["sensor"] | None, Tag("named")] | Annotated[NoisyBearings, Tag("own")],
+        Annotated[Literal["sensor"] | None, Tag("named")] | Annotated[NoisyBearingsSection, Tag("own")],
         Discriminator(_own_or_named),
     ] = key(
         "sensor",
@@ -111,14 +111,14 @@ class CoregionalizedSection(ProcessSection):
     )
 
 
-class SpeedPrior(Section):
+class SpeedPriorSection(Section):
     """What is known of the target's speed."""
 
     median: float = key(1.0, "Median speed of the target in m/s.", gt=0.0)
     log_std: float = key(1.0, "Standard deviation of the logarithm of its speed.", gt=0.0)
 
 
-class RangePrior(Section):
+class RangePriorSection(Section):
     """What is known of the target's range."""
 
     median_m: float = key(50.0, "Median range in m.", gt=0.0)
@@ -128,12 +128,12 @@ class RangePrior(Section):
 class ShapeSection(TrackerSection):
     """What the trackers with a Gaussian process on the shape of the motion share."""
 
-    noise: Noise = Field(default_factory=Noise, description="Noise of the bearings.")
+    noise: NoiseSection = Field(default_factory=NoiseSection, description="Noise of the bearings.")
     bin_s: float = key(1.5, "Width of the bins in s over which bearings are averaged.", gt=0.0)
     window_s: float = key(60.0, "Age of the oldest bin in s.", "a number of at least 4 bins", gt=0.0)
     update_s: float = key(1.0, "Least time between two estimates in s; in between, the last one is predicted.", ge=0.0)
-    speed: SpeedPrior = Field(default_factory=SpeedPrior, description="Prior of the target's speed.")
-    range: RangePrior = Field(default_factory=RangePrior, description="Prior of the target's range.")
+    speed: SpeedPriorSection = Field(default_factory=SpeedPriorSection, description="Prior of the target's speed.")
+    range: RangePriorSection = Field(default_factory=RangePriorSection, description="Prior of the target's range.")
     starts_m: PositiveNumbers | None = key(
         None, "Ranges in m at which a track is begun; null is four about the prior's median."
     )

@@ -27,7 +27,7 @@ def _inertia_positive(added_mass: tuple[float, ...], info: ValidationInfo) -> tu
     return added_mass
 
 
-class VehicleParameters(Section):
+class VehicleParametersSection(Section):
     """Coefficients of a Fossen model; sequences over surge, sway, (heave,) yaw."""
 
     mass: float = key(..., "m in kg.", gt=0.0)
@@ -42,10 +42,10 @@ class VehicleParameters(Section):
 
 
 def _own_or_named(value: Any) -> str:
-    return "own" if isinstance(value, Mapping | VehicleParameters) else "named"
+    return "own" if isinstance(value, Mapping | VehicleParametersSection) else "named"
 
 
-class Start(Section):
+class StartSection(Section):
     """Where the vehicle starts, at rest."""
 
     position_m: PositionNumbers | None = key(None, "Position in m; null draws it uniformly from the box.")
@@ -57,7 +57,7 @@ class Start(Section):
 Follow = Literal["exact", "dynamics", "feedback"]
 
 # what vehicles of both kinds have in common, declared once
-_START = Field(default_factory=Start, description="Initial state.")
+_START = Field(default_factory=StartSection, description="Initial state.")
 _FOLLOW = key(
     "exact",
     "Follow the flat output exactly, integrate the dynamics under the planned thrust, or do that with feedback.",
@@ -71,12 +71,12 @@ _BANDWIDTH = key(
 )
 
 
-class FossenVehicle(Section):
+class FossenVehicleSection(Section):
     """A Fossen model, 3-DOF in the plane and 4-DOF in space."""
 
     kind: Literal["fossen"] = key(..., "Fossen's equations.")
     parameters: Annotated[
-        Annotated[Literal["falcon"], Tag("named")] | Annotated[VehicleParameters, Tag("own")],
+        Annotated[Literal["falcon"], Tag("named")] | Annotated[VehicleParametersSection, Tag("own")],
         Discriminator(_own_or_named),
     ] = key(
         "falcon",
@@ -85,15 +85,19 @@ class FossenVehicle(Section):
     thrust_max: PositiveInputNumbers = key(
         (5000.0, 5000.0, 1500.0), "τ_max: N on each axis, then the yaw moment in N m (default 5000 N and 1500 N m)."
     )
-    start: Start = _START
+    start: StartSection = _START
     follow: Follow = _FOLLOW
     follow_bandwidth: float | None = _BANDWIDTH
 
 
-class ProblemVehicle(Section):
+class ProblemVehicleSection(Section):
     """The vehicle that the problem module makes."""
 
     kind: Literal["problem"] = key(..., "The problem module's own vehicle.")
-    start: Start = _START
+    start: StartSection = _START
     follow: Follow = _FOLLOW
     follow_bandwidth: float | None = _BANDWIDTH
+
+
+AnyVehicle = Annotated[FossenVehicleSection | ProblemVehicleSection, Field(discriminator="kind")]
+"""The section; ``kind`` chooses between its classes."""

@@ -18,8 +18,8 @@ from gbt_ocp.experiments.config.faults import ConfigurationError, shown
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.sweep.checks import check_run
 from gbt_ocp.experiments.sweep.engines import Cluster, Engine, make_engine
-from gbt_ocp.experiments.sweep.execution import ARRAYS, execute, record_lost
-from gbt_ocp.experiments.sweep.plan import Overrides, PlannedRun, SweepPlan, plan_sweep
+from gbt_ocp.experiments.sweep.execution import ARRAYS_FILE, execute, record_lost
+from gbt_ocp.experiments.sweep.sweep_plan import Overrides, PlannedRun, SweepPlan, plan_sweep
 from gbt_ocp.experiments.sweep.table import Row, row_of, write_table
 from gbt_ocp.experiments.sweep.task_folder import TaskFolder, at_work_in, free_name
 from gbt_ocp.files import read_arrays, whole_folder
@@ -77,7 +77,7 @@ class Sweep:
         """
         found = []
         for row in rows:
-            path = self.run_folder(row) / (ARRAYS if name in self.plan.arrays else run_folder.HISTORY)
+            path = self.run_folder(row) / (ARRAYS_FILE if name in self.plan.arrays else run_folder.HISTORY)
             found.append(read_arrays(path, [name], "arrays of a run")[name])
         return np.array(found)
 
@@ -120,7 +120,7 @@ def sweep(
     configuration
         What :func:`gbt_ocp.run` takes. May be left out with ``resume``: the folder knows what was planned.
     runs, seed_from, grid, entries, overrides, histories
-        See :func:`gbt_ocp.experiments.sweep.plan.plan_sweep`.
+        See :func:`gbt_ocp.experiments.sweep.sweep_plan.plan_sweep`.
     jobs
         Processes; by default one a core. 1 runs in this process.
     dask

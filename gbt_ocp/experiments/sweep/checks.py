@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gbt_ocp.experiments.sweep.execution import ARRAYS
-from gbt_ocp.experiments.sweep.plan import PlannedRun, SweepPlan
+from gbt_ocp.experiments.sweep.execution import ARRAYS_FILE
+from gbt_ocp.experiments.sweep.sweep_plan import PlannedRun, SweepPlan
 from gbt_ocp.experiments.sweep.table import row_of
 from gbt_ocp.files import read_arrays
 from gbt_ocp.simulation import run_folder
@@ -46,10 +46,10 @@ def check_run(run: PlannedRun, plan: SweepPlan, folder: Path) -> None:
     if plan.histories:
         History.load_npz(own / run_folder.HISTORY)
     if plan.arrays:
-        arrays = read_arrays(own / ARRAYS, plan.arrays, "arrays of a run")
+        arrays = read_arrays(own / ARRAYS_FILE, plan.arrays, "arrays of a run")
         lengths = {name: array.shape[:1] for name, array in arrays.items()}
         if len(set(lengths.values())) > 1 or () in lengths.values():
-            raise ValueError(f"{own / ARRAYS}: found arrays of different lengths: {lengths}")
+            raise ValueError(f"{own / ARRAYS_FILE}: found arrays of different lengths: {lengths}")
         words = [name for name, array in arrays.items() if array.dtype.kind not in "fiub" and name not in TEXT]
         if words:
-            raise ValueError(f"{own / ARRAYS}: found text in {', '.join(words)}; allowed: numbers")
+            raise ValueError(f"{own / ARRAYS_FILE}: found text in {', '.join(words)}; allowed: numbers")

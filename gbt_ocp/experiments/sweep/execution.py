@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from gbt_ocp.experiments.config.schema import Configuration
-from gbt_ocp.experiments.sweep.plan import PlannedRun
+from gbt_ocp.experiments.sweep.sweep_plan import PlannedRun
 from gbt_ocp.files import whole_folder
 from gbt_ocp.simulation import run_folder
 
 FAILURE = "failure.json"
 """Stands in the folder of a failed run in place of its summary."""
 
-ARRAYS = "arrays.npz"
+ARRAYS_FILE = "arrays.npz"
 """Single arrays of a history."""
 
 
@@ -50,7 +50,7 @@ def execute(run: PlannedRun, folder: Path, histories: bool = True, arrays: tuple
                 return False
             result.write(temporary, history=histories, figures=False)
             if arrays:
-                np.savez(temporary / ARRAYS, **{name: getattr(result.history, name) for name in arrays})
+                np.savez(temporary / ARRAYS_FILE, **{name: getattr(result.history, name) for name in arrays})
     except FileExistsError:
         # A worker of a sweep that was killed has finished this run meanwhile, and runs repeat: its folder is as good.
         if not (own / run_folder.CONFIGURATION).is_file():

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gbt_ocp.experiments.sweep.execution import FAILURE
-from gbt_ocp.experiments.sweep.plan import PlannedRun
+from gbt_ocp.experiments.sweep.sweep_plan import PlannedRun
 from gbt_ocp.files import whole_file
 from gbt_ocp.simulation import run_folder
 

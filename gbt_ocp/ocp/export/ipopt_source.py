@@ -16,7 +16,7 @@ from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.solvers.ipopt import PENALTY_FORMS, ipopt_options
 from gbt_ocp.ocp.transcription import transcribe
 
-NAME = "planner_ipopt"
+PROGRAM = "planner_ipopt"
 
 
 def write_ipopt_folder(problem: ProblemData, options: Mapping[str, Any], folder: str | Path, prefix: str = "") -> Path:
@@ -42,7 +42,7 @@ def write_ipopt_folder(problem: ProblemData, options: Mapping[str, Any], folder:
     FileExistsError
         If the folder exists and is not empty.
     """
-    target, name = Path(folder), checked_prefix(prefix) + NAME
+    target, name = Path(folder), checked_prefix(prefix) + PROGRAM
     program = transcribe(problem)
     own = dict(options)
     elastic = own.pop("penalty", PENALTY_FORMS[0]) == "elastic" and bool(problem.penalties)

@@ -27,7 +27,7 @@ OFFERED = 30
 SHAKE = 1.0e-11
 """Relative change of the state under which a step must keep its plan to be recorded."""
 
-STEADY = 1.0e-6
+LEAST_MOVE = 1.0e-6
 """How far an endpoint may move for that (m, rad): rounding, far smaller, then moves none by 1e-9."""
 
 
@@ -92,7 +92,7 @@ def record(planner: Planner, steps: Sequence[Mapping[str, Any]] | None = None) -
         planner.previous = before
         plan = planner.solve(**step)
         drill.state = plan.trajectory.knots[1]
-        if max(np.abs(other - plan.endpoints).max() for other in shaken) > STEADY:
+        if max(np.abs(other - plan.endpoints).max() for other in shaken) > LEAST_MOVE:
             continue
         row = _inputs(problem, step, moments) | {"endpoints": plan.endpoints}
         row["warm"] = np.array([before is not None])

@@ -8,7 +8,6 @@ from typing import Any, Protocol, runtime_checkable
 
 from numpy.typing import ArrayLike
 
-from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.typing import Array
 
 OUT_OF_ITERATIONS = ("iteration limit", "Maximum_Iterations_Exceeded")
@@ -41,7 +40,7 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class Step:
+class PlannerStep:
     """One step of a planner, with all its attempts.
 
     Attributes
@@ -85,7 +84,7 @@ class PlansSteps(Protocol):
         limits: Sequence[Array],
         previous: Array | None,
         data: Mapping[str, Any],
-    ) -> Step:
+    ) -> PlannerStep:
         """Plan from a start.
 
         Parameters
@@ -133,14 +132,6 @@ class Solver(Protocol):
         limits
             Parameters of each constraint, one knot a column ``(size, p+1)``; needed where any has some.
         """
-
-
-@runtime_checkable
-class ChecksLimits(Protocol):
-    """A solver that brings its own, faster check of the true limits of a trajectory."""
-
-    def check(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
-        """Largest violation of each piece ``(p,)``; see :class:`gbt_ocp.ocp.check.LimitCheck`."""
 
 
 SOLVERS = {

@@ -15,7 +15,7 @@ from gbt_ocp.ocp.codegen.library import kernel_files, load_library
 from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.problem_source import from_moments, generate_problem
 from gbt_ocp.ocp.problem_data import ProblemData
-from gbt_ocp.ocp.solvers.base import GIVEN_UP, Solution, Step
+from gbt_ocp.ocp.solvers.base import GIVEN_UP, PlannerStep, Solution
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import limit_size
 from gbt_ocp.typing import Array
@@ -123,11 +123,6 @@ class CompiledSolver:
         """The options that were given."""
         return dict(self._made_from[1])
 
-    @property
-    def workspace_bytes(self) -> int:
-        """Size of the kernel's workspace."""
-        return self._workspace.nbytes
-
     def solve(
         self,
         start: Array,
@@ -172,7 +167,7 @@ class CompiledSolver:
         p, free, inputs = problem.pieces, problem.freedoms, len(problem.vehicle.thrust_max)
         number, whole = ctypes.c_double, ctypes.c_int
 
-        class Result(ctypes.Structure):
+        class PlanOfStep(ctypes.Structure):
             _fields_ = [
                 *((name, whole) for name in ("status", "origin", "iterations", "tightened")),
                 *((name, number) for name in ("objective", "violation")),
@@ -190,7 +185,7 @@ class CompiledSolver:
         self._memory = np.zeros(kernel.gbt_planner_bytes() // 8 + 1)
         self._state_of_planner = Memory.from_buffer(self._memory.data)
         self._state_of_planner.settings = self._settings
-        self._result_of_step = Result
+        self._result_of_step = PlanOfStep
         pointer = ctypes.c_void_p
         self._from_moments = from_moments(problem)
         self._plan = kernel.gbt_plan if self._from_moments else kernel.gbt_plan_parameters
@@ -203,7 +198,7 @@ class CompiledSolver:
         limits: Sequence[Array],
         previous: Array | None,
         data: Mapping[str, Any],
-    ) -> Step:
+    ) -> PlannerStep:
         """The step that the generated C takes; see :class:`gbt_ocp.ocp.solvers.base.PlansSteps`."""
         memory, result = self._state_of_planner, self._result_of_step()
         memory.warm = previous is not None
@@ -215,7 +210,7 @@ class CompiledSolver:
             arrays = [np.concatenate([np.vstack(list(objectives)).T.ravel(), _moving(limits)])]
         arrays = [np.ascontiguousarray(values, dtype=float) for values in (start, *arrays)]
         self._plan(self._memory.ctypes.data, *(values.ctypes.data for values in arrays), ctypes.byref(result))
-        return Step(
+        return PlannerStep(
             top=np.array(result.top).reshape(self._problem.pieces, self._problem.freedoms),
             status=STATUSES[result.status],
             fallback=ORIGINS[result.origin],

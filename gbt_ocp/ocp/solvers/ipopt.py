@@ -82,7 +82,7 @@ def solution_of(function: ca.Function, found: Mapping[str, Any], shape: tuple[in
 class IpoptSolver:
     """The nonlinear program solved by IPOPT with exact derivatives.
 
-    Newton's method stalls on the narrow kinks of the penalty. By default they are therefore told to IPOPT as
+    Newton's method stalls on the narrow kinks of the penalty. By default IPOPT therefore gets them as
     constraints (:attr:`~gbt_ocp.ocp.transcription.Transcription.elastic_nlp`): the same minimisers in a few dozen
     iterations. Whatever the form, a cold or failed solve of a penalty goes through the stages of
     :func:`gbt_ocp.ocp.transcription.continuation` if the direct one fails, each from the solution of the one before;

@@ -15,7 +15,7 @@ from typing import Any
 from tqdm import tqdm
 
 from gbt_ocp.experiments.config.faults import ConfigurationError
-from gbt_ocp.experiments.config.guidance import PlannerGuidance
+from gbt_ocp.experiments.config.guidance import PlannerGuidanceSection
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.interrupts import interrupted_between_steps
@@ -24,7 +24,9 @@ from gbt_ocp.experiments.sweep.task_folder import TaskFolder, at_work_in
 from gbt_ocp.files import PARTIAL, whole_file
 from gbt_ocp.ocp.codegen.library import find_compiler
 from gbt_ocp.studies.limits import summaries
-from gbt_ocp.studies.limits.carry_out import (
+from gbt_ocp.studies.limits.comparison_tables import Row, read_rows, write_rows
+from gbt_ocp.studies.limits.formulations import COMPARED_SOLVERS, COMPILED, FORMULATIONS
+from gbt_ocp.studies.limits.parts import (
     PARTS,
     PROBLEMS,
     CarryOut,
@@ -33,9 +35,7 @@ from gbt_ocp.studies.limits.carry_out import (
     gather_problems,
     part_file,
 )
-from gbt_ocp.studies.limits.formulations import COMPILED, FORMULATIONS, SOLVERS
-from gbt_ocp.studies.limits.tables import Row, read_rows, write_rows
-from gbt_ocp.studies.limits.tasks import Plan, Task, measurements, recordings
+from gbt_ocp.studies.limits.tasks import ComparisonPlan, Task, measurements, recordings
 from gbt_ocp.studies.limits.treatments import chosen_pairs, described, unfit
 from gbt_ocp.studies.limits.verdict import verdict
 
@@ -64,7 +64,7 @@ class Comparison:
     """
 
     folder: Path
-    plan: Plan
+    plan: ComparisonPlan
     tables: dict[str, list[Row]]
     verdict: list[str]
 
@@ -77,7 +77,7 @@ def compare(
     configurations: Source | Sequence[Source],
     *,
     formulations: Iterable[str] = tuple(FORMULATIONS),
-    solvers: Iterable[str] = SOLVERS,
+    solvers: Iterable[str] = COMPARED_SOLVERS,
     runs: int = 10,
     problems: int = 200,
     full: bool = False,
@@ -130,7 +130,7 @@ def compare(
         return _compared(plan, folder, jobs, progress)
 
 
-def _compared(plan: Plan, folder: Path, jobs: int | None, progress: bool) -> Comparison:
+def _compared(plan: ComparisonPlan, folder: Path, jobs: int | None, progress: bool) -> Comparison:
     with _progress(progress) as bar:
         first = recordings(plan)
         try:
@@ -148,7 +148,7 @@ def _compared(plan: Plan, folder: Path, jobs: int | None, progress: bool) -> Com
             ) from fault
 
 
-def _summed_up(plan: Plan, folder: Path, first: list[Task], tasks: list[Task]) -> Comparison:
+def _summed_up(plan: ComparisonPlan, folder: Path, first: list[Task], tasks: list[Task]) -> Comparison:
     from gbt_ocp.studies.limits.report import write_report  # matplotlib only when something is drawn
 
     tables = _tables(plan, folder, tasks)
@@ -173,7 +173,7 @@ def _planned(
     problems: int,
     full: bool,
     overrides: list[str],
-) -> Plan:
+) -> ComparisonPlan:
     several = sources if isinstance(sources, Sequence) and not isinstance(sources, str) else [sources]
     loaded = tuple(one if isinstance(one, Configuration) else load_config(one, overrides) for one in several)
     faults = [
@@ -191,22 +191,24 @@ def _planned(
     faults += [
         f"{one.name}: guidance.kind: found {one.guidance.kind!r}; allowed: planner, whose limits are compared"
         for one in loaded
-        if not isinstance(one.guidance, PlannerGuidance)
+        if not isinstance(one.guidance, PlannerGuidanceSection)
     ]
     pairs = chosen_pairs(formulations, solvers)
     faults += [
         f"{one.name}: --formulations: found none that fits ({unfit(one, pairs[0])}); allowed: others"
         for one in loaded
-        if isinstance(one.guidance, PlannerGuidance) and all(unfit(one, pair) for pair in pairs)
+        if isinstance(one.guidance, PlannerGuidanceSection) and all(unfit(one, pair) for pair in pairs)
     ]
     if any(pair.solver == COMPILED for pair in pairs) and find_compiler() is None:
         faults.append("--solvers: found compiled, but no C compiler; allowed: ipopt")
     if faults:
         raise ConfigurationError(faults)
-    return Plan(tuple(one.model_copy(update={"seed": 0}) for one in loaded), tuple(pairs), runs, problems, full)
+    return ComparisonPlan(
+        tuple(one.model_copy(update={"seed": 0}) for one in loaded), tuple(pairs), runs, problems, full
+    )
 
 
-def _folder(plan: Plan, out: str | os.PathLike[str] | None) -> Path:
+def _folder(plan: ComparisonPlan, out: str | os.PathLike[str] | None) -> Path:
     names = "-".join(configuration.name for configuration in plan.configurations)
     folder = Path("runs") / f"compare-{names}" if out is None else Path(out)
     try:
@@ -227,7 +229,7 @@ def _is_final(path: Path) -> bool:
     return not (path.name.startswith(".") and PARTIAL in path.name)
 
 
-def _begin(folder: Path, plan: Plan) -> None:
+def _begin(folder: Path, plan: ComparisonPlan) -> None:
     """Refuse the folder of another comparison, and make that of this one ready."""
     path = folder / PLAN
     if path.is_file():
@@ -249,7 +251,7 @@ def _progress(shown: bool) -> Any:
     return tqdm(disable=not shown, file=sys.stderr, unit="task", desc="compare", total=0)
 
 
-def _carry_out(tasks: list[Task], plan: Plan, folder: Path, jobs: int | None, bar: Any) -> None:
+def _carry_out(tasks: list[Task], plan: ComparisonPlan, folder: Path, jobs: int | None, bar: Any) -> None:
     def lost(task: Task) -> None:
         raise ConfigurationError(
             [
@@ -273,7 +275,7 @@ def _carry_out(tasks: list[Task], plan: Plan, folder: Path, jobs: int | None, ba
             bar.update()
 
 
-def _tables(plan: Plan, folder: Path, tasks: list[Task]) -> dict[str, list[Row]]:
+def _tables(plan: ComparisonPlan, folder: Path, tasks: list[Task]) -> dict[str, list[Row]]:
     def rows(kind: str) -> list[Row]:
         found = [row for task in tasks if task.kind == kind for row in read_rows(folder / PARTS / task.name)]
         order = [configuration.name for configuration in plan.configurations]

@@ -27,7 +27,7 @@ from gbt_ocp.ocp.transcription import constraint_function, input_scale, limit_si
 from gbt_ocp.studies.limits.soft import only_hard
 from gbt_ocp.typing import Array
 
-ROUNDS = 5
+EXCHANGES = 5
 """How often nodes may be added in one solve."""
 
 MARGIN = 1.0e-4
@@ -115,7 +115,7 @@ class ExchangeIpoptSolver:
         """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.base.Solver.solve`."""
         solution = self._plain.solve(start, objectives, guess, cold=cold, tightening=tightening, limits=limits)
         iterations, times = solution.iterations, np.zeros(0)
-        for _ in range(ROUNDS):
+        for _ in range(EXCHANGES):
             broken = self._broken(start, solution, limits)
             if not broken.size or len(np.union1d(times, broken)) > self._nodes:
                 break
@@ -240,5 +240,5 @@ class DoublingCompiledSolver:
         return replace(solution, solved=False, status=BETWEEN_NODES, iterations=iterations)
 
     def check(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
-        """See :class:`gbt_ocp.ocp.solvers.base.ChecksLimits`."""
+        """Largest violation of each piece ``(p,)``; see :class:`gbt_ocp.ocp.check.LimitCheck`."""
         return self._ladder[0].check(trajectory, limits)

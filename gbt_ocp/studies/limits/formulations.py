@@ -12,7 +12,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from gbt_ocp.experiments.build.loop import build_vehicle
-from gbt_ocp.experiments.config.limits import LIMITS
+from gbt_ocp.experiments.config.limits import LIMIT_KINDS
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.ocp.limit_classes import LimitClass, limit_class
 from gbt_ocp.ocp.planner import Planner
@@ -28,7 +28,7 @@ from gbt_ocp.studies.limits.unyielding import UnyieldingSolver, may_give
 from gbt_ocp.typing import Array
 
 IPOPT, COMPILED = "ipopt", "compiled"
-SOLVERS = (IPOPT, COMPILED)
+COMPARED_SOLVERS = (IPOPT, COMPILED)
 
 Options = Mapping[str, Any]
 
@@ -158,7 +158,7 @@ def limits_in(configuration: Configuration) -> dict[str, LimitClass]:
     """The limits besides thrust that a configuration has, by their names in ``limits.hard``, with their classes."""
     section, found = configuration.limits, {}
     problem = TrajectoryProblem(build_vehicle(configuration), 1, configuration.planner.period_s or 1.0)
-    for name, one in LIMITS.items():
+    for name, one in LIMIT_KINDS.items():
         value = getattr(section, one.key)
         classes = [] if value is None else [limit_class(problem, c) for c in one.constraints(value, problem)]
         if classes:

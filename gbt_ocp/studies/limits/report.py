@@ -12,10 +12,10 @@ from markdown import markdown
 
 from gbt_ocp.files import whole_file
 from gbt_ocp.simulation.summary import FALLBACKS
+from gbt_ocp.studies.limits.comparison_tables import CAPTIONS, Row, Tables
 from gbt_ocp.studies.limits.summaries import CLASSES
-from gbt_ocp.studies.limits.tables import FIGURES, Row, Tables
 
-_STYLE = (
+_PAGE_STYLE = (
     "body{font-family:sans-serif;max-width:70em;margin:2em auto;padding:0 1em;line-height:1.4}"
     "table{border-collapse:collapse;font-size:.85em;display:block;overflow-x:auto}"
     "th,td{border-bottom:1px solid #ddd;padding:.25em .6em;text-align:right}"
@@ -32,14 +32,14 @@ _SETS = {
 
 def write_report(folder: Path, tables: Tables) -> None:
     """Write figures, ``report.md`` and ``report.html`` of a comparison folder from its tables."""
-    from gbt_ocp.studies.limits.figures import write_figures
+    from gbt_ocp.studies.limits.comparison_figures import write_figures
 
     drawn = write_figures(folder, tables)
     text = report(folder, tables, drawn)
     with whole_file(folder / "report.md") as temporary:
         temporary.write_text(text, encoding="utf-8")
     body = markdown(text, extensions=["tables"])
-    head = f'<meta charset="utf-8"><title>Comparison</title><style>{_STYLE}</style>'
+    head = f'<meta charset="utf-8"><title>Comparison</title><style>{_PAGE_STYLE}</style>'
     page = f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head>\n<body>\n{body}\n</body></html>\n'
     with whole_file(folder / "report.html") as temporary:
         temporary.write_text(page, encoding="utf-8")
@@ -54,11 +54,11 @@ def report(folder: Path, tables: Tables, drawn: Sequence[str] = ()) -> str:
         "",
         f"The pairs of formulation and solver solved the same problems: at least {plan['problems']} of each "
         f"configuration recorded in {plan['runs']} closed-loop runs, and random ones beside them. Slow pairs solved a "
-        "random sample of them, and pairs are held against each other on the problems that both solved; how many these "
+        "random sample of them, and pairs are compared on the problems that both solved; how many these "
         "are stands in every row. Cold starts begin with coasting, warm ones with the rest of the plan of the step "
         "before. Times are processor time of the thread. Objectives leave out every penalty, and violations are those "
         "of the true limits, in units of the limit (negative: inside). Intervals are 95 % bootstrap intervals in which "
-        "whole runs are drawn. Not rounded, and solve by solve, the tables are in `tables/`.",
+        "runs are drawn, not steps. Not rounded, and solve by solve, the tables are in `tables/`.",
         "",
         "## Verdict",
         "",
@@ -117,7 +117,7 @@ def report(folder: Path, tables: Tables, drawn: Sequence[str] = ()) -> str:
         "",
     ]
     for name in drawn:
-        lines += [f"## Figure {name}", "", FIGURES[name], "", f"![{FIGURES[name]}](figures/{name}.png)", ""]
+        lines += [f"## Figure {name}", "", CAPTIONS[name], "", f"![{CAPTIONS[name]}](figures/{name}.png)", ""]
     return "\n".join(lines)
 
 

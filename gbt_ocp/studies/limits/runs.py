@@ -13,9 +13,9 @@ from gbt_ocp.ocp.solvers.base import GIVEN_UP
 from gbt_ocp.simulation.loop import simulate
 from gbt_ocp.simulation.summary import FALLBACKS, installed_versions, summarise
 from gbt_ocp.simulation.track_summary import TRACK_SETTLING_S
+from gbt_ocp.studies.limits.comparison_tables import Row
 from gbt_ocp.studies.limits.formulations import limits_in
 from gbt_ocp.studies.limits.problems import Check, unasked
-from gbt_ocp.studies.limits.tables import Row
 from gbt_ocp.studies.limits.treatments import Pair, kept_planner, treated
 
 SETTLING_S = 2.0

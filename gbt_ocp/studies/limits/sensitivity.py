@@ -12,17 +12,17 @@ from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import kink_widths, stiffness
+from gbt_ocp.studies.limits.comparison_tables import Row
 from gbt_ocp.studies.limits.formulations import COMPILED, IPOPT, StagedPenalty, limits_in
 from gbt_ocp.studies.limits.problems import RANDOM, RECORDED, Check, Problems, unasked
-from gbt_ocp.studies.limits.solves import MODES, solve_chunk
-from gbt_ocp.studies.limits.tables import Row
+from gbt_ocp.studies.limits.solves import COLD_AND_WARM, solve_chunk
 from gbt_ocp.studies.limits.treatments import Pair, treated
 
 WIDTHS = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 WEIGHTS = (10.0, 100.0, 1000.0, 10000.0)
 GAMMAS = (0.9, 0.95, 0.98, 0.99, 0.999)
 NODES = (1, 2, 4, 8, 20)
-"""Values of the sweeps; each is varied alone, the other settings being the configuration's. ϖ in units of the limit."""
+"""Values of the settings; each is varied alone, with the configuration's other settings. ϖ in units of the limit."""
 
 FORMS = {"penalty": "printed", "elastic": "elastic"}
 """Formulations that are swept over ϖ, w_p and units with IPOPT, and the form of the penalty that IPOPT gets in each."""
@@ -32,7 +32,7 @@ PROBLEMS = {IPOPT: 4, COMPILED: 40}
 
 
 @dataclass(frozen=True)
-class Sweep:
+class VariedSetting:
     """One setting varied: ``points`` gives the name of each value and the keys of ``planner`` that it changes."""
 
     swept: str
@@ -40,8 +40,8 @@ class Sweep:
     points: tuple[tuple[str, tuple[tuple[str, Any], ...]], ...]
 
 
-def sweeps(configuration: Configuration, pairs: list[Pair]) -> Iterator[Sweep]:
-    """The sweeps that the chosen pairs take part in.
+def varied_settings(configuration: Configuration, pairs: list[Pair]) -> Iterator[VariedSetting]:
+    """The settings that are varied for the chosen pairs.
 
     ϖ is swept in units of the limit. In newtons the same penalty has ``ϖ τ_max`` and ``w_p/τ_max`` (the first limit
     stands for all); the paper's w_p = 1000 without a ϖ is tried with 10 N and with the same ϖ as in units of the limit.
@@ -66,40 +66,42 @@ def sweeps(configuration: Configuration, pairs: list[Pair]) -> Iterator[Sweep]:
                 settings = tuple(
                     (name, tuple(({"thrust_units": "normalised"} | changes).items())) for name, changes in found
                 )
-                yield Sweep(swept, Pair(formulation, IPOPT), settings)
+                yield VariedSetting(swept, Pair(formulation, IPOPT), settings)
     for formulation in ("elastic", "hard", "exchange"):
         # exchange, compiled, would have a ladder of solvers generated for every value
         solvers = (IPOPT, COMPILED) if formulation == "exchange" else (COMPILED, IPOPT)
         pair = next((Pair(formulation, one) for one in solvers if Pair(formulation, one) in pairs), None)
         if pair is not None:
-            yield Sweep("gamma", pair, tuple((f"{g:g}", (("gamma", g),)) for g in GAMMAS))
-            yield Sweep("nodes", pair, tuple((f"{n}", (("nodes", n),)) for n in NODES))
+            yield VariedSetting("gamma", pair, tuple((f"{g:g}", (("gamma", g),)) for g in GAMMAS))
+            yield VariedSetting("nodes", pair, tuple((f"{n}", (("nodes", n),)) for n in NODES))
 
 
-def solve_sweep(configuration: Configuration, problems: Problems, sweep: Sweep, check: Check = unasked) -> list[Row]:
-    """Solve a sample at every point of a sweep, cold and warm; one row a solve."""
-    some = sample(problems, sweep.pair)
+def solve_varied(
+    configuration: Configuration, problems: Problems, setting: VariedSetting, check: Check = unasked
+) -> list[Row]:
+    """Solve a sample with every value of a setting, cold and warm; one row a solve."""
+    some = sample(problems, setting.pair)
     rows, planner, units = [], None, None
-    for value, changes in sweep.points:
-        changed = treated(configuration, sweep.pair.formulation, **dict(changes))
+    for value, changes in setting.points:
+        changed = treated(configuration, setting.pair.formulation, **dict(changes))
         problem = build_problem(changed, build_vehicle(changed))
         kink: Row = {"kink_mm": None, "stiffness": None}
         if problem.penalties:
             limit = problem.penalties[0]
             narrowest = float(kink_widths(problem, limit)[: configuration.dimension].min())
             kink = {"kink_mm": 1e3 * narrowest, "stiffness": stiffness(problem, limit)}
-        if sweep.swept in ("width", "weight", "units"):
+        if setting.swept in ("width", "weight", "units"):
             # ϖ and w_p are parameters of the program: it is built again only for other units
             if planner is None or changed.planner.thrust_units != units:
-                solver = StagedPenalty(problem, [], form=FORMS[sweep.pair.formulation])
+                solver = StagedPenalty(problem, [], form=FORMS[setting.pair.formulation])
                 planner, units = Planner(problem, solver), changed.planner.thrust_units
             solver.stages = [[(soft.width, soft.weight) for soft in problem.penalties]]
-        for mode in MODES:
+        for mode in COLD_AND_WARM:
             chunk = range(len(some))
             found = solve_chunk(
-                configuration, some, chunk, sweep.pair, mode, planner=planner, check=check, **dict(changes)
+                configuration, some, chunk, setting.pair, mode, planner=planner, check=check, **dict(changes)
             )
-            rows += [{"swept": sweep.swept, "value": value, **kink, **row} for row in found]
+            rows += [{"swept": setting.swept, "value": value, **kink, **row} for row in found]
     return rows
 
 

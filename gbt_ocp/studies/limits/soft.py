@@ -21,7 +21,6 @@ from gbt_ocp.ocp.problem import TrajectoryProblem
 from gbt_ocp.ocp.solvers.base import Solution
 from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 from gbt_ocp.ocp.solvers.ipopt import ipopt_function, solution_of
-from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import transcribe
 from gbt_ocp.typing import Array
 
@@ -126,10 +125,6 @@ class SoftCompiledSolver:
         """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.base.Solver.solve`."""
         found = self._solver.solve(start, objectives, guess, cold=cold, tightening=tightening, limits=limits)
         return replace(found, solved=True, status="solved") if found.status == "limit violated" else found
-
-    def check(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
-        """See :class:`gbt_ocp.ocp.solvers.base.ChecksLimits`."""
-        return self._solver.check(trajectory, limits)
 
 
 def only_hard(problem: TrajectoryProblem) -> None:

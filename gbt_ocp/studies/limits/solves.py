@@ -23,13 +23,13 @@ from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import input_scale
+from gbt_ocp.studies.limits.comparison_tables import Row
 from gbt_ocp.studies.limits.problems import Check, Instance, Problems, unasked
-from gbt_ocp.studies.limits.tables import Row
 from gbt_ocp.studies.limits.treatments import Pair, kept_planner
 from gbt_ocp.typing import Array
 
 COLD, WARM = "cold", "warm"
-MODES = (COLD, WARM)
+COLD_AND_WARM = (COLD, WARM)
 """Cold starts from coasting, warm ones from the rest of the plan that was made one step before in the recorded run."""
 
 STARTS = 8
@@ -221,7 +221,7 @@ def best_chunk(
         instance, found = problems[k], []
         rng = np.random.default_rng([configuration.seed, k])
         for solve in solvers:
-            modes = [mode for mode in MODES if is_possible(instance, mode)]
+            modes = [mode for mode in COLD_AND_WARM if is_possible(instance, mode)]
             answers = [solve(instance, mode) for mode in modes]
             check()
             for _ in range(STARTS - len(modes)):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import bootstrap
 
-RESAMPLES = 1000
+MEDIAN_RESAMPLES = 1000
 CONFIDENCE = 0.95
 
 STATISTICS = {"mean": np.nanmean, "median": np.nanmedian}
@@ -57,7 +57,7 @@ def interval(values: ArrayLike, clusters: Sequence[Any], statistic: str) -> tupl
     found = bootstrap(
         (np.arange(len(names)),),
         of_runs,
-        n_resamples=RESAMPLES,
+        n_resamples=MEDIAN_RESAMPLES,
         confidence_level=CONFIDENCE,
         method="percentile",
         vectorized=True,

@@ -10,9 +10,9 @@ import numpy as np
 
 from gbt_ocp.ocp.limit_classes import LimitClass
 from gbt_ocp.simulation.summary import FALLBACKS
+from gbt_ocp.studies.limits.comparison_tables import Row, column, grouped
 from gbt_ocp.studies.limits.solves import KEPT
 from gbt_ocp.studies.limits.statistics import interval
-from gbt_ocp.studies.limits.tables import Row, column, grouped
 from gbt_ocp.studies.limits.tasks import Task
 from gbt_ocp.studies.limits.treatments import Pair
 

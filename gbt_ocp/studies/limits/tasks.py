@@ -12,8 +12,8 @@ import numpy as np
 
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.studies.limits.formulations import COMPILED, FORMULATIONS, IPOPT, Share
-from gbt_ocp.studies.limits.sensitivity import sweeps
-from gbt_ocp.studies.limits.solves import MODES
+from gbt_ocp.studies.limits.sensitivity import varied_settings
+from gbt_ocp.studies.limits.solves import COLD_AND_WARM
 from gbt_ocp.studies.limits.treatments import Pair, unfit
 
 FORMAT = 1
@@ -28,7 +28,7 @@ RANDOM_SHARE = 0.25
 
 
 @dataclass(frozen=True)
-class Plan:
+class ComparisonPlan:
     """A comparison.
 
     Attributes
@@ -132,7 +132,7 @@ class Task:
     argument: Any = None
 
 
-def recordings(plan: Plan) -> list[Task]:
+def recordings(plan: ComparisonPlan) -> list[Task]:
     """The tasks that make the problems."""
     return [
         Task("record", f"record-{configuration.name}-{run}.npz", case, argument=run)
@@ -141,13 +141,13 @@ def recordings(plan: Plan) -> list[Task]:
     ]
 
 
-def measurements(plan: Plan, sizes: Sequence[int]) -> list[Task]:
+def measurements(plan: ComparisonPlan, sizes: Sequence[int]) -> list[Task]:
     """All other tasks, for so many problems of each experiment; long ones first, so that no core waits at the end."""
     slow = list(_loops(plan, IPOPT))
     return [*slow, *_sweeps(plan), *_solves(plan, sizes), *_bests(plan, sizes), *_loops(plan, COMPILED)]
 
 
-def _loops(plan: Plan, solver: str) -> Iterator[Task]:
+def _loops(plan: ComparisonPlan, solver: str) -> Iterator[Task]:
     for case, configuration in enumerate(plan.configurations):
         for pair in plan.pairs_of(case):
             if pair.solver == solver:
@@ -156,23 +156,23 @@ def _loops(plan: Plan, solver: str) -> Iterator[Task]:
                     yield Task("loop", name, case, pair, seed)
 
 
-def _sweeps(plan: Plan) -> Iterator[Task]:
+def _sweeps(plan: ComparisonPlan) -> Iterator[Task]:
     for case, configuration in enumerate(plan.configurations):
-        for sweep in sweeps(configuration, list(plan.pairs_of(case))):
-            name = f"sweep-{configuration.name}-{sweep.swept}-{sweep.pair.formulation}-{sweep.pair.solver}.csv"
-            yield Task("sweep", name, case, sweep.pair, sweep)
+        for setting in varied_settings(configuration, list(plan.pairs_of(case))):
+            name = f"sweep-{configuration.name}-{setting.swept}-{setting.pair.formulation}-{setting.pair.solver}.csv"
+            yield Task("sweep", name, case, setting.pair, setting)
 
 
-def _solves(plan: Plan, sizes: Sequence[int]) -> Iterator[Task]:
+def _solves(plan: ComparisonPlan, sizes: Sequence[int]) -> Iterator[Task]:
     for case, configuration in enumerate(plan.configurations):
         for pair in plan.pairs_of(case):
-            for mode in MODES:
+            for mode in COLD_AND_WARM:
                 for number, chunk in chunks(sizes[case], plan.share(pair).problems):
                     name = f"solve-{configuration.name}-{pair.formulation}-{pair.solver}-{mode}-{number}.csv"
                     yield Task("solve", name, case, pair, (mode, chunk))
 
 
-def _bests(plan: Plan, sizes: Sequence[int]) -> Iterator[Task]:
+def _bests(plan: ComparisonPlan, sizes: Sequence[int]) -> Iterator[Task]:
     for case, configuration in enumerate(plan.configurations):
         for number, chunk in chunks(sizes[case]):
             yield Task("best", f"best-{configuration.name}-{number}.csv", case, argument=chunk)

@@ -14,7 +14,7 @@ from gbt_ocp.ocp.codegen.expressions import NotGenerableError
 from gbt_ocp.ocp.codegen.library import CompilerError
 from gbt_ocp.ocp.limit_classes import LimitClass
 from gbt_ocp.ocp.solvers.base import options_for
-from gbt_ocp.studies.limits.formulations import COMPILED, FORMULATIONS, SOLVERS, limits_in
+from gbt_ocp.studies.limits.formulations import COMPARED_SOLVERS, COMPILED, FORMULATIONS, limits_in
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,10 @@ def chosen_pairs(formulations: Iterable[str], solvers: Iterable[str]) -> list[Pa
     formulations, solvers = list(formulations), list(solvers)
     faults = [
         f"--{option}: found {name!r}; allowed: {', '.join(known)}"
-        for option, names, known in (("formulations", formulations, FORMULATIONS), ("solvers", solvers, SOLVERS))
+        for option, names, known in (
+            ("formulations", formulations, FORMULATIONS),
+            ("solvers", solvers, COMPARED_SOLVERS),
+        )
         for name in names
         if name not in known
     ]
@@ -50,7 +53,7 @@ def chosen_pairs(formulations: Iterable[str], solvers: Iterable[str]) -> list[Pa
     pairs = [
         Pair(name, solver)
         for name, formulation in FORMULATIONS.items()
-        for solver in SOLVERS
+        for solver in COMPARED_SOLVERS
         if name in formulations and solver in solvers and solver in formulation.solvers
     ]
     if not pairs:

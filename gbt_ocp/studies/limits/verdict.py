@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 
 from gbt_ocp.simulation.summary import FALLBACKS
-from gbt_ocp.studies.limits.tables import Row, Tables, column
+from gbt_ocp.studies.limits.comparison_tables import Row, Tables, column
 from gbt_ocp.studies.limits.treatments import Pair
 
 ROUND_OFF = 1.0e-9

@@ -6,8 +6,8 @@ A study is a function of a module of this package::
 
 It asks the workbench for sweeps, and answers with a report: findings, tables and figures. To add one:
 
-1. Describe the runs. :func:`~gbt_ocp.experiments.sweep.plan.variant` makes a checked variant out of a configuration
-   and changed keys; ``labels`` are the columns by which the rows are found again::
+1. Describe the runs. :func:`~gbt_ocp.experiments.sweep.sweep_plan.variant` makes a checked variant out of a
+   configuration and changed keys; ``labels`` are the columns by which the rows are found again::
 
        modes = [variant(case, {"guidance.kind": mode}, labels={"case": case, "mode": mode})
                 for case in ("case2", "case5") for mode in ("static", "planner")]

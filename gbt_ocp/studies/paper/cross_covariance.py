@@ -14,8 +14,6 @@ from gbt_ocp.reporting import style
 from gbt_ocp.reporting.bands import QUANTILES
 from gbt_ocp.typing import Array
 
-_LOOKS = ((style.BLUE, "-"), (style.VERMILLION, "--"), (style.GREEN, "-."))
-
 
 @dataclass
 class Panel:
@@ -56,7 +54,7 @@ def draw_cross_covariance(panels: Sequence[Panel]) -> Figure:
         for column, panel in enumerate(panels):
             top, middle, true, model = grid[:, column]
             top.set_title(panel.title)
-            for (color, line), (label, values) in zip(_LOOKS, panel.errors.items(), strict=False):
+            for (color, line), (label, values) in zip(style.CURVES, panel.errors.items(), strict=False):
                 _band(top, panel.t, values, color, line, label)
             if panel.bound is not None:
                 _band(top, panel.t, panel.bound, style.BLACK, ":", "bound of the last")
@@ -64,9 +62,9 @@ def draw_cross_covariance(panels: Sequence[Panel]) -> Figure:
             if panel.target is None or panel.correlation is None or panel.covariance is None:
                 continue
             pairs = list(combinations(range(panel.target.shape[1]), 2))
-            for (color, line), axis, name in zip(_LOOKS, panel.target.T, "xyz", strict=False):
+            for (color, line), axis, name in zip(style.CURVES, panel.target.T, "xyz", strict=False):
                 middle.plot(panel.t, axis, color=color, linestyle=line, label=name)
-            for (color, line), (i, j) in zip(_LOOKS, pairs, strict=False):
+            for (color, line), (i, j) in zip(style.CURVES, pairs, strict=False):
                 name = "xyz"[i] + "xyz"[j]
                 true.plot(panel.t, panel.correlation[:, i, j], color=color, linestyle=line, label=f"$\\rho_{{{name}}}$")
                 _band(model, panel.t, panel.covariance[:, :, i, j], color, line, f"$R_{{{name}}}$")

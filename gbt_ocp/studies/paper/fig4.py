@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.experiments.sweep.carry_out import Sweep
-from gbt_ocp.experiments.sweep.plan import variant
+from gbt_ocp.experiments.sweep.sweep_plan import variant
 from gbt_ocp.experiments.sweep.table import Row
 from gbt_ocp.studies.paper.measures import (
     Interval,
@@ -25,7 +25,7 @@ from gbt_ocp.typing import Array
 
 CASES = tuple(f"case{number}" for number in range(1, 7))
 TURNING = ("case2", "case3", "case5", "case6")
-PRESETS = ("default", "paper")
+COMPARED_PRESETS = ("default", "paper")
 SETTINGS = ("planner.formulation=hard",)
 ARRAYS = (
     "t",
@@ -44,7 +44,7 @@ ARRAYS = (
 SETTLING = 2.0
 START = 5.0
 """Seconds in which the condition number comes down to 1."""
-AHEAD = 12
+STEPS_AHEAD = 12
 """Times of T_k."""
 ORBIT = 0.9
 """Similarity of desired and measured bearing from which the vehicle counts as on its orbit."""
@@ -85,7 +85,7 @@ def conduct(workbench: Workbench) -> Report:
 
     variants = [
         variant(case, {"preset": preset}, SETTINGS, {"case": case, "preset": preset})
-        for preset in PRESETS
+        for preset in COMPARED_PRESETS
         for case in CASES
     ]
     done = workbench.sweep("fig4", variants, arrays=ARRAYS)
@@ -94,7 +94,7 @@ def conduct(workbench: Workbench) -> Report:
     conditions: dict[str, dict[str, Curve]] = {}
     scales: dict[str, dict[str, Curve]] = {}
     inside: dict[str, dict[str, Curve]] = {}
-    for preset in PRESETS:
+    for preset in COMPARED_PRESETS:
         for case in CASES:
             rows = done.matching(case=case, preset=preset)
             if not rows:
@@ -133,7 +133,7 @@ def conduct(workbench: Workbench) -> Report:
     )
     calibration = Table(
         "Calibration of the posterior at settled steps, by periods ahead",
-        ["preset", "case", "measure", *(str(i) for i in range(AHEAD))],
+        ["preset", "case", "measure", *(str(i) for i in range(STEPS_AHEAD))],
     )
     orbit = Table(
         "Motion of the vehicle and length scale at settled steps",
@@ -165,7 +165,7 @@ def conduct(workbench: Workbench) -> Report:
         )
         table.rows.append(row)
         for measure, values in (("NEES/d", np.median(effect.squared, axis=0)), ("95 %", effect.inside.mean(axis=0))):
-            calibration.add(preset, case[-1], measure, *(float(value) for value in values[:AHEAD]))
+            calibration.add(preset, case[-1], measure, *(float(value) for value in values[:STEPS_AHEAD]))
         orbit.add(
             preset,
             case[-1],
@@ -256,7 +256,7 @@ def _settling_time(t: Array, error: Array, level: float = 0.1) -> float:
 
 def _findings(effects: dict[tuple[str, str], Effect]) -> list[Finding]:
     findings = []
-    for preset in PRESETS:
+    for preset in COMPARED_PRESETS:
         own = {case: effect for (which, case), effect in effects.items() if which == preset}
         if not own:
             continue

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from gbt_ocp.experiments.sweep.plan import variant
+from gbt_ocp.experiments.sweep.sweep_plan import variant
 from gbt_ocp.studies.paper.workbench import Finding, Report, Workbench
 
 CASES = ("case2", "case5")
-MODES = {"static": "static", "constant_force": "constant force", "random": "random", "planner": "planner"}
-PRESETS = ("paper", "default")
+MOTIONS = {"static": "static", "constant_force": "constant force", "random": "random", "planner": "planner"}
+COMPARED_PRESETS = ("paper", "default")
 SETTINGS = ("planner.formulation=hard",)
 
 Key = tuple[str, str, str]
@@ -21,7 +21,7 @@ def conduct(workbench: Workbench) -> Report:
     from gbt_ocp.reporting.bands import Curve, draw_bands
     from gbt_ocp.reporting.tables import Spread, Table
 
-    keys = [(preset, case, mode) for preset in PRESETS for case in CASES for mode in MODES]
+    keys = [(preset, case, mode) for preset in COMPARED_PRESETS for case in CASES for mode in MOTIONS]
     variants = [
         variant(
             case, {"preset": preset, "guidance.kind": mode}, SETTINGS, {"preset": preset, "case": case, "mode": mode}
@@ -40,16 +40,16 @@ def conduct(workbench: Workbench) -> Report:
         preset, case, mode = key
         rows = done.matching(preset=preset, case=case, mode=mode)
         if not rows:
-            table.add(preset, case, MODES[mode], 0, *[None] * 5)
+            table.add(preset, case, MOTIONS[mode], 0, *[None] * 5)
             continue
         t, error = done.arrays(rows, "t")[0], done.arrays(rows, "mean_error")
-        panels.setdefault(f"case {case[-1]}, preset {preset}", {})[MODES[mode]] = Curve(t, error)
+        panels.setdefault(f"case {case[-1]}, preset {preset}", {})[MOTIONS[mode]] = Curve(t, error)
         settled[key] = float(np.median(workbench.column(rows, "error_settled")))
         late[key] = float(np.median(error[:, t >= t[-1] - 5.0]))
         table.add(
             preset,
             case,
-            MODES[mode],
+            MOTIONS[mode],
             len(rows),
             Spread.of(workbench.column(rows, "error_mean")),
             Spread.of(workbench.column(rows, "error_settled")),
@@ -57,7 +57,9 @@ def conduct(workbench: Workbench) -> Report:
             Spread.of(workbench.column(rows, "error_settled_max")),
             late[key],
         )
-    findings = [finding for preset in PRESETS for case in CASES for finding in _findings(preset, case, settled, late)]
+    findings = [
+        finding for preset in COMPARED_PRESETS for case in CASES for finding in _findings(preset, case, settled, late)
+    ]
     figure = draw_bands(panels, "tracking error [m]", columns=2)
     text = [
         f"{len(workbench.seeds)} runs a row, hard limits, no prior position. *Settled* is from 2 s on, *worst step* "
@@ -68,10 +70,10 @@ def conduct(workbench: Workbench) -> Report:
 
 
 def _findings(preset: str, case: str, settled: dict[Key, float], late: dict[Key, float]) -> list[Finding]:
-    if any((preset, case, mode) not in settled for mode in MODES):
+    if any((preset, case, mode) not in settled for mode in MOTIONS):
         return []
-    of = {mode: settled[preset, case, mode] for mode in MODES}
-    end = {mode: late[preset, case, mode] for mode in MODES}
+    of = {mode: settled[preset, case, mode] for mode in MOTIONS}
+    end = {mode: late[preset, case, mode] for mode in MOTIONS}
     where = f"{case}, preset {preset}"
     return [
         Finding(

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from gbt_ocp.experiments.sweep.plan import variant
+from gbt_ocp.experiments.sweep.sweep_plan import variant
 from gbt_ocp.studies.paper.workbench import Finding, Report, Workbench
 from gbt_ocp.typing import Array
 
 CASES = ("case1", "case5")
-WINDOWS = (4, 6, 8, 10, 12, 15, 20, 30)
+WINDOW_LENGTHS = (4, 6, 8, 10, 12, 15, 20, 30)
 FORECASTS = (6, 12)
 SETTINGS = ("planner.formulation=hard",)
 SETTLING = 2.0
-ENOUGH = 1.5
+NEAR_LEAST = 1.5
 """A window is long enough where the error is at most this times the least of all windows."""
 
 
@@ -31,7 +31,7 @@ def conduct(workbench: Workbench) -> Report:
         )
         for case in CASES
         for ahead in FORECASTS
-        for window in WINDOWS
+        for window in WINDOW_LENGTHS
     ]
     done = workbench.sweep("fig7", variants, arrays=("t", "covariance_norm"))
     table = Table(
@@ -42,7 +42,7 @@ def conduct(workbench: Workbench) -> Report:
     norms: dict[tuple[str, int], dict[int, Array]] = {}
     for case in CASES:
         for ahead in FORECASTS:
-            for window in WINDOWS:
+            for window in WINDOW_LENGTHS:
                 rows = done.matching(case=case, N_c=window, n=ahead)
                 if not rows:
                     continue
@@ -71,7 +71,7 @@ def _enough(errors: dict[int, Array]) -> int:
     """Shortest window from which on the median error is within a factor of the least."""
     medians = {window: _median(values) for window, values in errors.items()}
     least = min(medians.values())
-    short = [window for window, value in medians.items() if value > ENOUGH * least]
+    short = [window for window, value in medians.items() if value > NEAR_LEAST * least]
     return min((window for window in medians if window > max(short, default=0)), default=max(medians))
 
 
@@ -90,7 +90,7 @@ def _findings(
                 all(falls),
                 f"from N_c = {last} to {first} the error goes from {_median(by_window[last]):.2g} to "
                 f"{_median(by_window[first]):.2g} m and the variance norm from {_median(by_norm[last]):.2g} to "
-                f"{_median(by_norm[first]):.2g} m^2; within {ENOUGH} times the least error from N_c = "
+                f"{_median(by_norm[first]):.2g} m^2; within {NEAR_LEAST} times the least error from N_c = "
                 f"{_enough(by_window)} on.",
             )
         )

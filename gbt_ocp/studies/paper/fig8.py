@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gbt_ocp.experiments.sweep.carry_out import Sweep
-from gbt_ocp.experiments.sweep.plan import variant
+from gbt_ocp.experiments.sweep.sweep_plan import variant
 from gbt_ocp.studies.paper.measures import after_events
 from gbt_ocp.studies.paper.workbench import Finding, Report, Workbench
 from gbt_ocp.typing import Array

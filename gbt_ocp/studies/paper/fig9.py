@@ -13,7 +13,7 @@ from gbt_ocp.experiments.build.loop import build_sensor
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.sweep.carry_out import Sweep
-from gbt_ocp.experiments.sweep.plan import Variant, variant
+from gbt_ocp.experiments.sweep.sweep_plan import Variant, variant
 from gbt_ocp.experiments.sweep.table import Row
 from gbt_ocp.studies.paper.measures import Interval, mean_interval, rank_correlation, same_sign, window_correlation
 from gbt_ocp.studies.paper.workbench import Finding, Report, Workbench
@@ -60,7 +60,7 @@ class Shown:
 
 
 @dataclass(frozen=True)
-class Replay:
+class ReplayOutcome:
     """Time of a step over the plain process's on the same bearings, and how often theorem 2 as printed was kept."""
 
     ratio: float
@@ -97,7 +97,7 @@ def conduct(workbench: Workbench) -> Report:
         ["case", "model", "pair", "clear steps a run", *(f"above {level:g}" for level in CLEAR), "worst run"],
     )
     shown: dict[tuple[str, str], Shown] = {}
-    replays: dict[tuple[str, str], Replay] = {}
+    replays: dict[tuple[str, str], ReplayOutcome] = {}
     panels = []
     for case in CASES:
         panel = Panel(f"case {case[-1]}")
@@ -178,7 +178,7 @@ def _shown(workbench: Workbench, done: Sweep, rows: Sequence[Row], configuration
 
 def _replayed(
     done: Sweep, rows: Sequence[Row], variants: Mapping[tuple[str, str], Variant], case: str, model: str
-) -> Replay:
+) -> ReplayOutcome:
     """Feed the bearings of runs to the model's tracker and to the plain one, in turn."""
     configuration, plain = (variants[case, name].configuration for name in (model, PLAIN))
     names = ("t", "bearing", "detected", "vehicle_pose", "error")
@@ -202,10 +202,12 @@ def _replayed(
                 bound = first.printed_bound(t[k] + period * steps, configuration.tracker.bound_delta)  # type: ignore[attr-defined]
                 kept, count = kept + bool(np.all(error[k] <= bound)), count + 1
     ratio = np.median([one for one, _ in times]) / np.median([other for _, other in times])
-    return Replay(float(ratio), (kept, count))
+    return ReplayOutcome(float(ratio), (kept, count))
 
 
-def _findings(shown: Mapping[tuple[str, str], Shown], replays: Mapping[tuple[str, str], Replay]) -> list[Finding]:
+def _findings(
+    shown: Mapping[tuple[str, str], Shown], replays: Mapping[tuple[str, str], ReplayOutcome]
+) -> list[Finding]:
     findings = []
     for (case, model), found in shown.items():
         if model == PLAIN:

@@ -13,7 +13,7 @@ from gbt_ocp.typing import Array
 
 Curves = Mapping[tuple[str, int], Mapping[int, Array]]
 
-_LOOKS = ((style.BLUE, "o-"), (style.VERMILLION, "s--"), (style.GREEN, "^-."))
+_MARKED = ((style.BLUE, "o-"), (style.VERMILLION, "s--"), (style.GREEN, "^-."))
 
 
 def draw_lengths(errors: Curves, norms: Curves) -> Figure:
@@ -32,7 +32,7 @@ def draw_lengths(errors: Curves, norms: Curves) -> Figure:
         for row, (curves, label) in enumerate(((errors, "settled error [m]"), (norms, "variance norm [m²]"))):
             for column, case in enumerate(cases):
                 axes = grid[row, column]
-                for n, (color, line) in zip(ahead, _LOOKS, strict=False):
+                for n, (color, line) in zip(ahead, _MARKED, strict=False):
                     found = curves.get((case, n), {})
                     values = np.array(
                         [np.nanquantile(found[window], (QUANTILES[0], 0.5, QUANTILES[1])) for window in found]

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gbt_ocp.experiments.sweep.carry_out import Sweep
-from gbt_ocp.experiments.sweep.plan import Variant
+from gbt_ocp.experiments.sweep.sweep_plan import Variant
 from gbt_ocp.experiments.sweep.table import Row
-from gbt_ocp.studies.paper import tuning
+from gbt_ocp.studies.paper import grid_search
 from gbt_ocp.studies.paper.methods import (
     FULL_POSITIONS,
     GBT,
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 CURVING = ("case2", "case3", "case5", "case6")
 """Cases in which the target's velocity changes."""
 
-ARRAYS = ("t", "mean_error")
+ERROR_ARRAYS = ("t", "mean_error")
 
 Errors = dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]
 """Whole-run and settled errors of the runs, by method and case."""
@@ -46,7 +46,9 @@ def table3(workbench: Workbench) -> Report:
     return conduct_table(workbench, "table3", "Table 3: methods in space", SPACE)
 
 
-def compared(workbench: Workbench, name: str, cases: Sequence[str]) -> tuple[Sweep, tuning.Chosen, list[tuning.Score]]:
+def compared(
+    workbench: Workbench, name: str, cases: Sequence[str]
+) -> tuple[Sweep, grid_search.Chosen, list[grid_search.Score]]:
     """Run all methods on these cases with the parameters chosen for them.
 
     Returns
@@ -55,16 +57,16 @@ def compared(workbench: Workbench, name: str, cases: Sequence[str]) -> tuple[Swe
         The runs, the parameters, and the scores of the grid where it was searched.
     """
     competing = methods(2 if cases[0] == "case1" else 3)
-    chosen, scores = tuning.shipped(), list[tuning.Score]()
+    chosen, scores = grid_search.shipped(), list[grid_search.Score]()
     if workbench.tune:
-        chosen, scores = tuning.search(workbench, name, competing, cases)
+        chosen, scores = grid_search.search(workbench, name, competing, cases)
     variants: list[Variant] = []
     for case in cases:
         for method in competing:
-            made = tuning.method_variant(method, case, chosen.get((method.name, case), {}))
+            made = grid_search.method_variant(method, case, chosen.get((method.name, case), {}))
             if all(made.configuration != planned.configuration for planned in variants):
                 variants.append(made)
-    return workbench.sweep(name, variants, arrays=ARRAYS), chosen, scores
+    return workbench.sweep(name, variants, arrays=ERROR_ARRAYS), chosen, scores
 
 
 def rows_of(done: Sweep, case: str, method: str) -> list[Row]:
@@ -118,18 +120,18 @@ def conduct_table(workbench: Workbench, name: str, title: str, cases: Sequence[s
     text = [
         f"{len(workbench.seeds)} runs of 30 s a row, seeds {workbench.seeds[0]} to {workbench.seeds[-1]}, start drawn "
         f"from the box of the default configuration. Every method knows the target's first position to "
-        f"{tuning.PRIOR_STD:g} m. *Whole run* is `error_mean`, *settled* `error_settled` (from 2 s on), the paper's "
-        f"value the one of its table. {FULL_POSITIONS} sees full positions; methods with FIM placement move without "
-        f"dynamics. {POLYNOMIAL_SETTLED} is PR with the parameters that make the settled error small. *Lost* runs "
-        "raised an error or overflowed, and count in no mean.",
-        f"Parameters by grid search, {tuning.searched_on(cases)}, each case by itself"
+        f"{grid_search.PRIOR_STD:g} m. *Whole run* is `error_mean`, *settled* `error_settled` (from 2 s on), the "
+        f"paper's value the one of its table. {FULL_POSITIONS} sees full positions; methods with FIM placement move "
+        f"without dynamics. {POLYNOMIAL_SETTLED} is PR with the parameters that make the settled error small. *Lost* "
+        "runs raised an error or overflowed, and count in no mean.",
+        f"Parameters by grid search, {grid_search.searched_on(cases)}, each case by itself"
         + (
             ", in this study; every score is in the table of the grid."
             if scores
             else ", as shipped (`--tune` repeats the search)."
         ),
     ]
-    files = {tuning.SHIPPED: tuning.as_yaml(chosen)} if scores else {}
+    files = {grid_search.TUNED_FILE: grid_search.as_yaml(chosen)} if scores else {}
     return Report(title, text, findings, tables, files=files)
 
 
@@ -187,13 +189,13 @@ def _findings(case: str, names: Sequence[str], errors: Errors) -> list[Finding]:
     return found
 
 
-def _score_tables(name: str, chosen: tuning.Chosen, scores: list[tuning.Score]) -> dict[str, Table]:
+def _score_tables(name: str, chosen: grid_search.Chosen, scores: list[grid_search.Score]) -> dict[str, Table]:
     """Every point of the grid with its scores, and which was chosen."""
     from gbt_ocp.reporting.tables import Table
 
     keys = list(dict.fromkeys(key for score in scores for key in score[2]))
     table = Table(
-        f"Grid search, {tuning.searched_on([scores[0][1]])}: mean errors in metres",
+        f"Grid search, {grid_search.searched_on([scores[0][1]])}: mean errors in metres",
         ["case", "method", *keys, "whole run", "settled", "lost", "chosen"],
     )
     for method, case, point, whole, settled, lost in scores:

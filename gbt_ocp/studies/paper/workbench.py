@@ -14,7 +14,7 @@ import numpy as np
 
 from gbt_ocp.experiments.sweep.carry_out import Sweep, begin, carry_out, resumed_plan
 from gbt_ocp.experiments.sweep.engines import Engine
-from gbt_ocp.experiments.sweep.plan import SweepPlan, Variant
+from gbt_ocp.experiments.sweep.sweep_plan import SweepPlan, Variant
 from gbt_ocp.experiments.sweep.table import Row
 from gbt_ocp.files import temporary_beside, whole_folder
 from gbt_ocp.typing import Array
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gbt_ocp.reporting.tables import Table
 
 SWEEPS = "sweeps"
-REPORT = "report.md"
+REPORT_FILE = "report.md"
 
 
 @dataclass(frozen=True)
@@ -89,10 +89,10 @@ class Report:
     @contextmanager
     def _aside(self, folder: Path) -> Iterator[None]:
         """Move an older report, or what is left of it, out of the way; it comes back if there is no new one."""
-        names = {REPORT, *self.files, *(f"{name}.png" for name in self.figures)}
+        names = {REPORT_FILE, *self.files, *(f"{name}.png" for name in self.figures)}
         names |= {f"{name}.{kind}" for name in self.tables for kind in ("csv", "md", "tex")}
         there = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
-        if not there or not ((folder / REPORT).is_file() or there <= names):
+        if not there or not ((folder / REPORT_FILE).is_file() or there <= names):
             yield
             return
         # a rename, so that there is never half of a report
@@ -110,7 +110,7 @@ class Report:
         from gbt_ocp.reporting import style
 
         with whole_folder(folder) as temporary:
-            (temporary / REPORT).write_text(self.markdown(), encoding="utf-8")
+            (temporary / REPORT_FILE).write_text(self.markdown(), encoding="utf-8")
             for name, table in self.tables.items():
                 table.write(temporary, name)
             for name, text in self.files.items():
@@ -160,7 +160,7 @@ class Workbench:
         name
             Of the sweep, unique among all studies.
         variants
-            See :func:`gbt_ocp.experiments.sweep.plan.variant`.
+            See :func:`gbt_ocp.experiments.sweep.sweep_plan.variant`.
         seeds
             Other seeds than the study's, for example to tune on.
         arrays

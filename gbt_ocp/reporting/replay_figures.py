@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,7 @@ from matplotlib.patches import Ellipse
 from gbt_ocp.reporting import style
 from gbt_ocp.reporting.tables import Table
 from gbt_ocp.simulation.calibration import region_radius
-from gbt_ocp.simulation.replay import BearingLog, ReplayedTrack
-
-_LOOKS = ((style.BLUE, "-"), (style.VERMILLION, "--"), (style.GREEN, "-."), (style.PURPLE, ":"), (style.ORANGE, "-"))
+from gbt_ocp.simulation.replayed_track import BearingLog, ReplayedTrack
 
 ELLIPSES = 6
 """Ellipses drawn along the track of the first tracker."""
@@ -89,13 +88,13 @@ def _track(log: BearingLog, tracks: Sequence[ReplayedTrack]) -> Figure:
         axes.plot(*log.truth[:, :2].T, color=style.BLACK, linewidth=1.8, label="target")
     begin = int(UNSETTLED * len(log.times))
     points = [log.own[:, :2]] + ([log.truth[:, :2]] if log.truth is not None else [])
-    for track, (colour, line) in zip(tracks, _LOOKS, strict=False):
+    for track, (colour, line) in zip(tracks, cycle(style.CURVES), strict=False):
         axes.plot(*track.mean[begin:, :2].T, color=colour, linestyle=line, linewidth=1.0, label=track.name)
         if track is tracks[0]:  # a baseline that diverges does not shrink the others to a dot
             points.append(track.mean[begin:, :2])
     first = tracks[0]
     for k in np.linspace(begin, len(log.times) - 1, ELLIPSES).astype(int):
-        _ellipse(axes, first, int(k), _LOOKS[0][0])
+        _ellipse(axes, first, int(k), style.CURVES[0][0])
     inside = np.concatenate([values[np.isfinite(values).all(axis=1)] for values in points])
     low, high = np.quantile(inside, 0.01, axis=0), np.quantile(inside, 0.99, axis=0)
     margin = 0.12 * max(float(np.max(high - low)), 1.0)
@@ -126,7 +125,7 @@ def _range(log: BearingLog, tracks: Sequence[ReplayedTrack], score_from: float) 
     if log.truth is not None:
         true = np.linalg.norm(log.truth - log.own, axis=1)
         upper.plot(t, true, color=style.BLACK, linewidth=1.8, label="target")
-    for number, (track, (colour, line)) in enumerate(zip(tracks, _LOOKS, strict=False)):
+    for number, (track, (colour, line)) in enumerate(zip(tracks, cycle(style.CURVES), strict=False)):
         distance = np.linalg.norm(track.mean - log.own, axis=1)
         relative = track.range_std_over_range(log.own)
         upper.plot(t, distance, color=colour, linestyle=line, label=track.name)
@@ -157,7 +156,7 @@ def _residuals(log: BearingLog, tracks: Sequence[ReplayedTrack]) -> Figure:
     figure = style.new_figure(1.2 + 1.1 * len(tracks))
     panels = np.atleast_1d(figure.subplots(len(tracks), 1, sharex=True, sharey=True))
     t = log.times - log.times[0]
-    for axes, track, (colour, _) in zip(panels, tracks, (*_LOOKS, *_LOOKS), strict=False):
+    for axes, track, (colour, _) in zip(panels, tracks, cycle(style.CURVES), strict=False):
         for values in np.rad2deg(track.residual).T:
             axes.plot(t, values, ".", color=colour, markersize=1.5)
         axes.set_title(track.name, loc="left")

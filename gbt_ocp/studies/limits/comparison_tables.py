@@ -20,7 +20,7 @@ WORDS = frozenset(
 )  # fmt: skip
 """Columns that hold words, whatever they look like: the name of an experiment may be a number."""
 
-FIGURES = {
+CAPTIONS = {
     "success": "Share of the problems that each pair solved, with 95 % intervals.",
     "objective": "Gap to the best known objective, problem by problem, in order of size.",
     "violation": "Violation of the true limits between the nodes.",

@@ -14,14 +14,14 @@ from gbt_ocp.experiments.sweep.engines import Serial
 from gbt_ocp.experiments.sweep.task_folder import TaskFolder
 from gbt_ocp.files import whole_file
 from gbt_ocp.ocp.codegen.library import find_compiler
-from gbt_ocp.studies.limits.checks import check_problems, check_rows
+from gbt_ocp.studies.limits.comparison_tables import Row, write_rows
 from gbt_ocp.studies.limits.formulations import COMPILED, IPOPT
 from gbt_ocp.studies.limits.problems import Check, Problems, draw, joined, record
+from gbt_ocp.studies.limits.row_checks import check_problems, check_rows
 from gbt_ocp.studies.limits.runs import run_treated
-from gbt_ocp.studies.limits.sensitivity import solve_sweep
+from gbt_ocp.studies.limits.sensitivity import solve_varied
 from gbt_ocp.studies.limits.solves import best_chunk, solve_chunk
-from gbt_ocp.studies.limits.tables import Row, write_rows
-from gbt_ocp.studies.limits.tasks import Plan, Task
+from gbt_ocp.studies.limits.tasks import ComparisonPlan, Task
 from gbt_ocp.studies.limits.treatments import Pair, treated
 
 PARTS, PROBLEMS, COSTS = "parts", "problems", "costs.txt"
@@ -40,7 +40,7 @@ class CarryOut:
         Whose tasks, and where their files go.
     """
 
-    plan: Plan
+    plan: ComparisonPlan
     folder: Path
 
     def __call__(self, task: Task) -> bool:
@@ -72,7 +72,7 @@ class CarryOut:
         if task.kind == "best":
             return best_chunk(configuration, problems, task.argument, _searchers(), check)
         if task.kind == "sweep":
-            return solve_sweep(configuration, problems, task.argument, check)
+            return solve_varied(configuration, problems, task.argument, check)
         assert task.pair is not None
         mode, numbers = task.argument
         return solve_chunk(configuration, problems, numbers, task.pair, mode, check=check)
@@ -88,7 +88,7 @@ def problems_file(folder: Path, case: str) -> Path:
     return folder / PROBLEMS / f"{case}.npz"
 
 
-def check_part(task: Task, plan: Plan, folder: Path) -> None:
+def check_part(task: Task, plan: ComparisonPlan, folder: Path) -> None:
     """Check the file of a task.
 
     Raises
@@ -103,7 +103,7 @@ def check_part(task: Task, plan: Plan, folder: Path) -> None:
         check_rows(path, task, plan, load_problems(problems_file(folder, configuration.name)))
 
 
-def gather_problems(plan: Plan, folder: Path) -> list[int]:
+def gather_problems(plan: ComparisonPlan, folder: Path) -> list[int]:
     """Put the recorded problems of each experiment and its random ones into one file; returns how many each has."""
 
     def place(configuration: Configuration) -> Path:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from gbt_ocp.files import whole_file
 from gbt_ocp.reporting import style
-from gbt_ocp.studies.limits.tables import FIGURES, Row, Tables, column
+from gbt_ocp.studies.limits.comparison_tables import CAPTIONS, Row, Tables, column
 from gbt_ocp.typing import Array
 
 COLOURS = {
@@ -39,7 +39,7 @@ def write_figures(folder: Path, tables: Tables) -> list[str]:
     (folder / "figures").mkdir(exist_ok=True)
     drawn = []
     with style.styled():
-        for name in FIGURES:
+        for name in CAPTIONS:
             figure = _DRAW[name](tables)
             if figure is not None:
                 with whole_file(folder / "figures" / f"{name}.png") as temporary:

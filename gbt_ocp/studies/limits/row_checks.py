@@ -11,23 +11,23 @@ import numpy as np
 
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.simulation.summary import FALLBACKS
+from gbt_ocp.studies.limits.comparison_tables import Row, read_rows
 from gbt_ocp.studies.limits.problems import RANDOM, RECORDED, Problems
 from gbt_ocp.studies.limits.sensitivity import sample
-from gbt_ocp.studies.limits.solves import MODES, is_possible
-from gbt_ocp.studies.limits.tables import Row, read_rows
-from gbt_ocp.studies.limits.tasks import Plan, Task
+from gbt_ocp.studies.limits.solves import COLD_AND_WARM, is_possible
+from gbt_ocp.studies.limits.tasks import ComparisonPlan, Task
 
 _SOLVE = ("run", "problem", "solved", "iterations", "time_ms", "objective", "violation_nodes", "violation_between")
 _LATER = ("fallbacks_unfinished",)
 """Columns that folders of earlier versions do not have."""
 
 _COUNTS = tuple(f"fallbacks_{word}" for word in (*FALLBACKS, "other"))
-_LOOP = ("run", "steps", "tightened", "clipped", *(name for name in _COUNTS if name not in _LATER))
+_LOOP_COUNTS = ("run", "steps", "tightened", "clipped", *(name for name in _COUNTS if name not in _LATER))
 NUMBERS = {
     "solve": _SOLVE,
     "sweep": _SOLVE,
     "best": ("problem", "best", "near_best", "starts"),
-    "loop": _LOOP,
+    "loop": _LOOP_COUNTS,
 }
 """Columns that hold a number in every row (it may be NaN), by the kind of the task."""
 
@@ -40,7 +40,7 @@ OPTIONAL = {
 """Columns that hold a number or nothing."""
 
 
-def check_rows(path: Path, task: Task, plan: Plan, problems: Problems) -> None:
+def check_rows(path: Path, task: Task, plan: ComparisonPlan, problems: Problems) -> None:
     """Read the rows that a task has left.
 
     Raises
@@ -74,7 +74,7 @@ def _check_row(row: Row, key: Row, kind: str, number: int) -> None:
             raise ValueError(f"row {number}: {name}: found {found!r:.40}; allowed: a number")
 
 
-def _keys(task: Task, plan: Plan, problems: Problems) -> list[Row]:
+def _keys(task: Task, plan: ComparisonPlan, problems: Problems) -> list[Row]:
     """What identifies each row of a task."""
     case: Row = {"case": plan.configurations[task.case].name}
     if task.kind == "best":
@@ -90,7 +90,7 @@ def _keys(task: Task, plan: Plan, problems: Problems) -> list[Row]:
     return [
         {"swept": task.argument.swept, "value": value, **row}
         for value, _ in task.argument.points
-        for mode in MODES
+        for mode in COLD_AND_WARM
         for row in _asked(case, some, range(len(some)), mode)
     ]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from gbt_ocp.experiments.config import yaml_dialect as dialect
 from gbt_ocp.experiments.sweep.carry_out import Sweep
-from gbt_ocp.experiments.sweep.plan import Variant, variant
+from gbt_ocp.experiments.sweep.sweep_plan import Variant, variant
 from gbt_ocp.files import packaged_text
 from gbt_ocp.studies.paper.methods import PLANE, Method
 from gbt_ocp.studies.paper.workbench import Workbench
@@ -27,7 +27,7 @@ DURATION_S = 15.0
 PRIOR_STD = 3.0
 """Every method knows where the target starts to this many metres on each axis, around the origin."""
 
-SHIPPED = "tuned.yaml"
+TUNED_FILE = "tuned.yaml"
 
 Parameters = dict[str, Any]
 Chosen = dict[tuple[str, str], Parameters]
@@ -58,8 +58,8 @@ def _tried(method: Method, case: str, point: Mapping[str, Any]) -> Variant:
 @cache
 def shipped() -> Chosen:
     """The parameters that were found with ``--tune``, as they are shipped."""
-    text = packaged_text("gbt_ocp.studies.paper", SHIPPED)
-    found, _ = dialect.parse(text, SHIPPED)
+    text = packaged_text("gbt_ocp.studies.paper", TUNED_FILE)
+    found, _ = dialect.parse(text, TUNED_FILE)
     return {(name, case): dict(point or {}) for name, cases in found.items() for case, point in cases.items()}
 
 

@@ -1,0 +1,260 @@
+"""The functions that build the estimators, one for each kind of tracker.
+
+:data:`gbt_ocp.experiments.build.tracker_kinds.TRACKERS` names them. SciPy comes with them, so they are imported
+when the first one is called.
+"""
+
+from __future__ import annotations
+
+import math
+
+from gbt_ocp.experiments.config import tracker as sections
+from gbt_ocp.experiments.config.noise import NoiseSection, NoisyBearingsSection
+from gbt_ocp.models.sensors import BearingSensor
+from gbt_ocp.tracking.displacement.hypotheses import MotionPriors
+from gbt_ocp.tracking.displacement.tracker import NoisyGaussianProcessTracker
+from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess, ImmExtendedTracker
+from gbt_ocp.tracking.filters.imm import ImmPositionTracker, ImmPseudoLinearTracker, InteractingMultipleModel
+from gbt_ocp.tracking.filters.orthogonality import OrthogonalityTracker
+from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
+from gbt_ocp.tracking.filters.polynomial import PolynomialRegression
+from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
+from gbt_ocp.tracking.gp.lmc import CoregionalizedTracker
+from gbt_ocp.tracking.mixture import MixtureTracker, velocity_scale
+from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.priors import LogNormal, PositionPrior, RangedPrior
+from gbt_ocp.tracking.shape.processes import ShapePrior
+from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
+
+# ---- Gaussian processes on the position -----------------------------------------------------------------------------
+
+
+def _tuned(value: object) -> float | None:
+    """A value to keep, or ``None`` for one that is tuned."""
+    return value if isinstance(value, float) else None
+
+
+def gaussian_process(
+    section: sections.GaussianProcessSection, prior: PositionPrior, sensor: BearingSensor
+) -> GaussianProcessTracker | NoisyGaussianProcessTracker:
+    """Kind ``gp``: for exact bearings, or for noisy ones where ``noise`` says so."""
+    noise = _noise_of(section, sensor)
+    if noise is not None:
+        return _noisy(noise, prior, sensor)
+    return GaussianProcessTracker(
+        len(prior.start),
+        window=section.window,
+        kernel=section.kernel,
+        centre=section.centre,
+        length_scale=_tuned(section.length_scale),
+        amplitude=_tuned(section.amplitude),
+        nugget=_tuned(section.nugget),
+        prior=prior,
+    )
+
+
+def _noise_of(section: sections.GaussianProcessSection, sensor: BearingSensor) -> NoisyBearingsSection | None:
+    """How the tracker treats noise; ``None`` if it takes bearings for exact."""
+    if section.noise == "sensor":
+        return NoisyBearingsSection() if sensor.noise > 0.0 else None
+    return section.noise
+
+
+def _noisy(section: NoisyBearingsSection, prior: PositionPrior, sensor: BearingSensor) -> NoisyGaussianProcessTracker:
+    """The Gaussian process for noisy bearings."""
+    return NoisyGaussianProcessTracker(
+        len(prior.start),
+        noise=_noise(section, sensor.noise if section.std_deg is None else math.radians(section.std_deg)),
+        window=section.window if section.bin_s is None else section.window_s,
+        bin_width=section.bin_s,
+        kernel=section.kernel,
+        priors=MotionPriors(
+            LogNormal(section.scale.median, section.scale.log_std),
+            LogNormal(section.length_scale.median_s, section.length_scale.log_std),
+            LogNormal(section.range.median_m, section.range.log_std),
+            section.position_std_m,
+        ),
+        hyperparameters=section.hyperparameters,
+        tails=section.tails,
+        linearisations=section.linearisations,
+        prior=prior,
+    )
+
+
+def _noise(section: NoiseSection, deviation: float) -> BearingNoise:
+    """Noise with a white part of a deviation in radians."""
+    return BearingNoise(
+        deviation,
+        math.radians(section.correlated_deg),
+        section.correlation_s,
+        section.own_std_m,
+        section.estimated,
+    )
+
+
+def coregionalized(
+    section: sections.CoregionalizedSection, prior: PositionPrior, sensor: BearingSensor
+) -> CoregionalizedTracker:
+    """Kind ``lmc``."""
+    return CoregionalizedTracker(
+        len(prior.start),
+        window=section.window,
+        kernels=section.kernels,
+        centre=section.centre,
+        length_scale=_tuned(section.length_scale),
+        nugget=_tuned(section.nugget),
+        prior=prior,
+    )
+
+
+# ---- Gaussian processes on the motion -------------------------------------------------------------------------------
+
+
+def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: BearingSensor) -> MotionShapeTracker:
+    """Kind ``motion_gp``."""
+    shape = ShapePrior(
+        speed=LogNormal(section.speed.median, section.speed.log_std),
+        range=LogNormal(section.range.median_m, section.range.log_std),
+        kernel=section.turn_kernel,
+        turn_stds=section.turn_rate_std,
+        turn_times=section.turn_time_s,
+        speed_stds=section.speed_change_std,
+        speed_time=section.speed_time_s,
+    )
+    return MotionShapeTracker(
+        len(prior.start),
+        noise=_noise(section.noise, math.radians(section.noise.std_deg)),
+        prior=shape,
+        bin_width=section.bin_s,
+        window=section.window_s,
+        update=section.update_s,
+        starts=section.starts_m,
+        hypotheses=section.hypotheses,
+        memory=math.inf if section.memory is None else section.memory,
+        gate=math.inf if section.gate is None else section.gate,
+        position=prior,
+    )
+
+
+def mixture(section: sections.MixtureSection, prior: PositionPrior, sensor: BearingSensor) -> MixtureTracker:
+    """Kind ``mixture``: both Gaussian processes, with the same sensor, speed and range."""
+    shape, noise = motion(section, prior, sensor), _noise(section.noise, math.radians(section.noise.std_deg))
+    dimension = len(prior.start)
+    velocity = NoisyGaussianProcessTracker(
+        dimension,
+        noise=noise,
+        bins=shape.bins,
+        kernel="velocity_matern32",
+        priors=MotionPriors(
+            velocity_scale(LogNormal(section.speed.median, section.speed.log_std), dimension),
+            LogNormal(section.velocity_time_s, math.log(2.0)),
+            LogNormal(section.range.median_m, section.range.log_std),
+            2.0 * section.range.median_m,
+        ),
+        prior=prior,
+    )
+    return MixtureTracker(shape, velocity, noise)
+
+
+# ---- the methods that the paper compares with, and their successors -------------------------------------------------
+
+
+def _ranged(section: sections.BaselineSection, prior: PositionPrior) -> RangedPrior:
+    return RangedPrior(prior.start, prior.mean, prior.covariance, range=section.initial_range_m)
+
+
+def orthogonality_static(
+    section: sections.OrthogonalityStaticSection, prior: PositionPrior, sensor: BearingSensor
+) -> OrthogonalityTracker:
+    """Kind ``oe_s``."""
+    return OrthogonalityTracker(_ranged(section, prior), position_gain=section.position_gain)
+
+
+def orthogonality_velocity(
+    section: sections.OrthogonalityVelocitySection, prior: PositionPrior, sensor: BearingSensor
+) -> OrthogonalityTracker:
+    """Kind ``oe_cv``."""
+    return OrthogonalityTracker(
+        _ranged(section, prior), position_gain=section.position_gain, velocity_gain=section.velocity_gain
+    )
+
+
+def polynomial(
+    section: sections.PolynomialSection, prior: PositionPrior, sensor: BearingSensor
+) -> PolynomialRegression:
+    """Kind ``pr``; the window lasts ``window - 1`` sampling periods."""
+    return PolynomialRegression(
+        _ranged(section, prior),
+        window=section.window,
+        span=(section.window - 1) * sensor.period,
+        order=section.order,
+        ridge=section.ridge,
+    )
+
+
+def pseudo_linear(
+    section: sections.PseudoLinearSection, prior: PositionPrior, sensor: BearingSensor
+) -> PseudoLinearKalmanFilter:
+    """Kind ``plkf``."""
+    return PseudoLinearKalmanFilter(
+        _ranged(section, prior),
+        initial_variance=section.initial_variance,
+        process_noise=section.process_noise,
+        bearing_std=math.radians(section.bearing_std_deg),
+        bias_compensated=section.bias_compensated,
+    )
+
+
+def imm_pseudo_linear(
+    section: sections.InteractingPseudoLinearSection, prior: PositionPrior, sensor: BearingSensor
+) -> ImmPseudoLinearTracker:
+    """Kind ``imm_plkf``."""
+    return ImmPseudoLinearTracker(
+        _ranged(section, prior),
+        _models(section),
+        bearing_std=math.radians(section.bearing_std_deg),
+        initial_variance=section.initial_variance,
+    )
+
+
+def extended(
+    section: sections.ExtendedKalmanSection, prior: PositionPrior, sensor: BearingSensor
+) -> ExtendedKalmanFilter:
+    """Kind ``ekf``."""
+    return ExtendedKalmanFilter(
+        _first_guess(section, prior),
+        process_noise=section.process_noise,
+        bearing_std=math.radians(section.bearing_std_deg),
+    )
+
+
+def imm_extended(
+    section: sections.InteractingExtendedSection, prior: PositionPrior, sensor: BearingSensor
+) -> ImmExtendedTracker:
+    """Kind ``imm_ekf``."""
+    return ImmExtendedTracker(
+        _first_guess(section, prior), _models(section), bearing_std=math.radians(section.bearing_std_deg)
+    )
+
+
+def imm_position(
+    section: sections.InteractingPositionSection, prior: PositionPrior, sensor: BearingSensor
+) -> ImmPositionTracker:
+    """Kind ``imm_kf_f``."""
+    return ImmPositionTracker(_ranged(section, prior), _models(section), position_std=section.position_std_m)
+
+
+def _first_guess(section: sections.ExtendedSection, prior: PositionPrior) -> FirstGuess:
+    return FirstGuess(_ranged(section, prior), section.initial_range_std_m, section.initial_speed_std)
+
+
+def _models(
+    section: sections.InteractingModelsSection | sections.InteractingExtendedSection,
+) -> InteractingMultipleModel:
+    return InteractingMultipleModel(
+        initial_variance=section.initial_variance,
+        process_noise=section.process_noise,
+        jerk_noise=section.jerk_noise,
+        stay_probability=section.stay_probability,
+        turn_rate_max=section.turn_rate_max,
+    )
