@@ -30,8 +30,8 @@ static void load(const gbt_real *start, const gbt_real *parameters, int first, i
 {
     work->pieces = pieces;
     work->count = GBT_COUNT / GBT_PIECES * pieces;
-    work->parameters = parameters + first * GBT_PARAMETERS;
-    work->moving = parameters + GBT_LIMIT_NUMBERS + first * GBT_MOVING;
+    work->parameters = parameters + first * GBT_END_NUMBERS;
+    work->moving = parameters + GBT_LIMIT_NUMBERS + first * GBT_KNOT_NUMBERS;
     for (int a = 0; a < GBT_STATE; a++) work->piece[0][a / GBT_FLAT][a % GBT_FLAT] = start[a];
     for (int i = 0; i < first + pieces; i++) {
         gbt_real(*piece)[GBT_FLAT] = work->piece[i < first ? 0 : i - first];
