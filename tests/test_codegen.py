@@ -70,7 +70,7 @@ def test_it_runs_clean_under_the_sanitizers(folder, tmp_path):
     flags = "-O1 -fsanitize=address,undefined -fno-sanitize-recover=all"
     (tmp_path / "empty.c").write_text("int main(void) { return 0; }\n")
     tried = subprocess.run(
-        [find_compiler(), *flags.split(), "empty.c", "-o", "empty"], cwd=tmp_path, capture_output=True, check=False
+        [*find_compiler(), *flags.split(), "empty.c", "-o", "empty"], cwd=tmp_path, capture_output=True, check=False
     )
     if tried.returncode != 0 or subprocess.run([tmp_path / "empty"], check=False).returncode != 0:
         pytest.skip("no sanitizers")

@@ -5,7 +5,7 @@ import pytest
 
 from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
 from gbt_ocp.tracking.noise import BearingNoise
-from gbt_ocp.tracking.priors import LogNormal
+from gbt_ocp.tracking.priors import LogNormal, PositionPrior
 from gbt_ocp.tracking.shape.processes import ShapePrior
 from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
 
@@ -60,7 +60,7 @@ def test_bearings_that_left_the_window_count_as_much_as_they_are_trusted(dimensi
         update=0.5,
         knot=2.0,
         memory=memory,
-        start=own[0],
+        position=PositionPrior(own[0]),
     )
     fed(tracker, times, own, bearings)
     # whole bins are kept: the window begins at the first bin that ended less than 20 s ago
@@ -78,7 +78,9 @@ def alongside(memory):
     target = np.outer(times, [0.8, 0.6])
     angle = 0.1 * np.minimum(times, 40.0)
     own = target + 30.0 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    tracker = MotionShapeTracker(2, noise=BearingNoise(SIGMA), window=30.0, bin_width=1.5, memory=memory, start=own[0])
+    tracker = MotionShapeTracker(
+        2, noise=BearingNoise(SIGMA), window=30.0, bin_width=1.5, memory=memory, position=PositionPrior(own[0])
+    )
     return fed(tracker, times, own, seen(target, own, 1)), target[-1], times[-1]
 
 
@@ -96,7 +98,13 @@ def test_a_lost_track_remembers_nothing():
     own = around(times, 2)
     target = np.array([3.0, -2.0])
     tracker = MotionShapeTracker(
-        2, noise=BearingNoise(SIGMA), prior=AT_REST, window=20.0, bin_width=1.0, memory=3.0, start=own[0]
+        2,
+        noise=BearingNoise(SIGMA),
+        prior=AT_REST,
+        window=20.0,
+        bin_width=1.0,
+        memory=3.0,
+        position=PositionPrior(own[0]),
     )
     fed(tracker, times, own, seen(target, own))
     assert tracker._remembered() is not None

@@ -84,7 +84,7 @@ def test_with_measured_tangents_the_same_bearings_are_told_wrong():
 def test_one_bearing_says_nothing_about_range_and_a_circle_says_all():
     times = 0.1 * np.arange(40)
     target = np.tile([6.0, 1.0], (40, 1))
-    tracker = NoisyGaussianProcessTracker(2, noise=BearingNoise(ONE_DEGREE), start=[0.5, 0.0])
+    tracker = NoisyGaussianProcessTracker(2, noise=BearingNoise(ONE_DEGREE), prior=PositionPrior(np.array([0.5, 0.0])))
     before = tracker.predict([0.0])
     np.testing.assert_allclose(before.mean, [[0.5, 0.0]])
     assert not tracker.range_observable

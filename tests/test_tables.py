@@ -6,8 +6,10 @@ import subprocess
 import numpy as np
 import pytest
 
+from gbt_ocp.experiments.sweep.table import write_table
 from gbt_ocp.reporting.bands import Curve, draw_bands
 from gbt_ocp.reporting.tables import Spread, Table
+from gbt_ocp.studies.limits.tables import read_rows, write_rows
 
 
 @pytest.fixture
@@ -85,3 +87,25 @@ def test_bands_are_the_quantiles_over_the_runs():
     assert figure.axes[1].lines[0].get_color() == line.get_color()
     with pytest.raises(ValueError, match="at most 8"):
         draw_bands({"all": {str(n): Curve(t, values) for n in range(9)}}, "e [m]")
+
+
+LONG = [1_700_000_000.123456, 7_034_567.891_234_5, 0.1 + 0.2, 1e-300, -(2.0**53)]
+"""An absolute time, a northing, and numbers that have no short text."""
+
+
+def test_every_table_in_csv_holds_its_numbers_in_full(tmp_path):
+    table = Table("numbers", ["name", "value"])
+    for value in LONG:
+        table.add("a", value)
+    table.add("b", np.float64(LONG[1]))
+    table.add("c", Spread(LONG[1], LONG[0]))
+    rows = list(csv.reader(io.StringIO(table.csv())))[1:]
+    assert [float(row[1]) for row in rows] == [*LONG, LONG[1], LONG[1]]
+    assert float(rows[-1][2]) == LONG[0]
+
+    write_table(tmp_path, [{"run": k, "value": value} for k, value in enumerate(LONG)])
+    with (tmp_path / "runs.csv").open(newline="", encoding="utf-8") as stream:
+        assert [float(row["value"]) for row in csv.DictReader(stream)] == LONG
+
+    write_rows(tmp_path / "rows.csv", [{"value": value} for value in (*LONG, np.float64(LONG[0]))])
+    assert [row["value"] for row in read_rows(tmp_path / "rows.csv")] == [*LONG, LONG[0]]

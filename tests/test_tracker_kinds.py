@@ -12,6 +12,7 @@ import gbt_ocp as gbt
 from gbt_ocp.experiments.build.tracker_kinds import kept_keys
 from gbt_ocp.experiments.build.trackers import TRACKERS
 from gbt_ocp.experiments.config import catalogue, schema
+from gbt_ocp.experiments.config.json_schema import json_schema
 from gbt_ocp.experiments.config.tracker import BaselineSection, GaussianProcessSection
 
 DOCUMENTED = (Path(__file__).resolve().parents[1] / "docs" / "tracker.md").read_text(encoding="utf-8")
@@ -49,7 +50,7 @@ def test_a_tracker_from_outside_is_loaded_from_yaml_and_run(file):
     history = gbt.run(loaded).history
     place = history.vehicle_pose[:, :2] + 3.0 * history.bearing
     np.testing.assert_allclose(history.forecast_mean[:, 0], place, atol=1e-12)
-    assert "fixed_range" in str(schema.schema())
+    assert "fixed_range" in str(json_schema())
 
 
 def test_its_keys_are_checked_and_shared_like_those_of_the_package(file):
@@ -101,3 +102,25 @@ def test_kinds_of_a_family_share_its_keys():
     assert kept_keys(TRACKERS["lmc"], TRACKERS["gp"]) == shared | {"centre", "length_scale", "nugget", "bound_delta"}
     assert kept_keys(TRACKERS["mixture"], TRACKERS["motion_gp"]) >= shared | {"noise", "speed", "range", "memory"}
     assert "velocity_time_s" not in kept_keys(TRACKERS["mixture"], TRACKERS["motion_gp"])
+
+
+@pytest.mark.parametrize(
+    "written", [["tracker.noise={std_deg: 1}"], ["sensor.noise_deg=1"], ["sensor.noise_deg=1", "tracker.noise=sensor"]]
+)
+@pytest.mark.parametrize(
+    "line", ["kernel=matern32", "centre=origin", "amplitude=3", "length_scale=2", "nugget=1e-8", "bound_delta=0.1"]
+)
+def test_keys_without_effect_beside_noise_are_refused(written, line):
+    key = line.partition("=")[0]
+    with pytest.raises(
+        gbt.ConfigurationError, match=rf"^--set: tracker\.{key}: found .* only with tracker\.noise: null"
+    ):
+        gbt.load_config("case2", [*written, f"tracker.{line}"])
+    gbt.load_config("case2", [f"tracker.{line}"])
+    gbt.load_config("case2", [*written[:1], "tracker.noise=null", f"tracker.{line}"])
+
+
+def test_a_written_out_configuration_and_a_preset_are_not_keys_without_effect():
+    for changes in (["sensor.noise_deg=1"], ["preset=paper", "tracker.noise={std_deg: 1}"]):
+        loaded = gbt.load_config("case2", changes)
+        assert gbt.load_config(loaded.to_mapping()) == loaded

@@ -29,7 +29,7 @@ from gbt_ocp.simulation.summary import installed_versions
 from gbt_ocp.tracking.protocol import PositionTracker
 
 SHIPPED = "replay"
-"""The configuration that is taken where none is given."""
+"""The default configuration."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +39,13 @@ class Replayed:
     Attributes
     ----------
     configuration
-        What was asked for.
+        The resolved configuration.
     log
         The log.
     tracks
-        One a tracker.
+        One for each tracker.
     summary
-        Of each tracker by name (see :func:`~gbt_ocp.simulation.replay_scores.scores`), and what concerns all.
+        Scores of each tracker by name (see :func:`~gbt_ocp.simulation.replay_scores.scores`), and numbers of the log.
     """
 
     configuration: Configuration
@@ -54,7 +54,7 @@ class Replayed:
     summary: dict[str, Any]
 
     def save(self, folder: str | os.PathLike[str], figures: bool = True) -> Path:
-        """Write the folder whole: ``config.yaml``, ``summary.json``, ``scores.md``, ``NAME.csv``, ``figures/*.png``.
+        """Write the folder: ``config.yaml``, ``summary.json``, ``scores.md``, ``NAME.csv``, ``figures/*.png``.
 
         Raises
         ------
@@ -182,7 +182,7 @@ def _trackers(
     names: Sequence[str],
     dimension: int,
 ) -> dict[str, TrackerSection]:
-    """The section of each tracker that is asked for."""
+    """The section of each of the named trackers."""
     own, further = config.tracker.kind, config.replay.trackers
     allowed = list(dict.fromkeys([own, *further]))
     if list(names) == ["all"]:
@@ -201,7 +201,7 @@ def _trackers(
 
 
 def _write_track(path: Path, track: ReplayedTrack, log: BearingLog) -> None:
-    """One line a bearing: time, position, its covariance, range with deviation, residual in degrees."""
+    """One line for each bearing: time, position, its covariance, range with deviation, residual in degrees."""
     d = log.dimension
     axes = "xyz"[:d]
     pairs = [(i, j) for i in range(d) for j in range(i, d)]

@@ -29,14 +29,14 @@ from gbt_ocp.typing import Array
 KINDS = (".gif", ".mp4", ".html")
 
 MOST_FRAMES = 600
-"""A longer run is thinned out to this many frames of a GIF or MP4; the page keeps every step."""
+"""A longer run is thinned out to so many frames of a GIF or MP4; the page keeps every step."""
 
 _DPI = 100
 _NAMES = "xyz"
 
 
 def write_animation(run_dir: str | os.PathLike[str], out: str | os.PathLike[str]) -> Path:
-    """Write the animation of a run folder; its ending says what it is.
+    """Write the animation of a run folder, in the format that the ending of the name says.
 
     Parameters
     ----------
@@ -79,14 +79,14 @@ def _film(scene: Scene, out: Path, kind: str) -> None:
 
 
 def _write_gif(pictures: Iterator[Image.Image], out: Path, rate: float) -> None:
-    # One palette for all: the pictures have the same few colours, and what does not move costs nothing.
+    # One palette for all: the pictures have the same few colours, and parts that do not move take no space.
     palette = _palette()
     indexed = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
     next(indexed).save(out, save_all=True, append_images=indexed, duration=round(1000.0 / rate), loop=0)
 
 
 def _palette() -> Image.Image:
-    """The colours of a picture, each in steps down to white: what edges are smoothed to, and regions show through."""
+    """The colours of a picture, each in steps down to white, as smoothed edges and translucent regions have them."""
     colours = [style.BLACK, style.GREY, style.BLUE, style.GREEN, style.VERMILLION]
     steps = np.linspace(1.0, 0.0, 20)[:, None]
     shades = [255.0 * (steps * np.array(to_rgb(colour)) + 1.0 - steps) for colour in colours]
@@ -105,7 +105,7 @@ def _write_mp4(pictures: Iterator[Image.Image], out: Path, rate: float) -> None:
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as ffmpeg:
         assert ffmpeg.stdin is not None
         assert ffmpeg.stderr is not None
-        with suppress(BrokenPipeError):  # it says below why it left
+        with suppress(BrokenPipeError):  # its message is read below
             for picture in chain([first], pictures):
                 ffmpeg.stdin.write(picture.tobytes())
             ffmpeg.stdin.close()
@@ -115,7 +115,7 @@ def _write_mp4(pictures: Iterator[Image.Image], out: Path, rate: float) -> None:
 
 
 class Drawing:
-    """The figure of one frame: the whole run on the left, the target's surroundings on the right.
+    """The figure of one frame: the run on the left, the target's surroundings on the right.
 
     In space the upper row is seen from above, the lower one from the side.
     """
@@ -123,7 +123,7 @@ class Drawing:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         views = [(0, 1)] if scene.history.dimension == 2 else [(0, 1), (0, 2)]
-        # In pixels both sides are even, as video codecs want it.
+        # Both sides are even in pixels, as video codecs need it.
         self.figure = Figure(figsize=(7.2, 4.0 if len(views) == 1 else 7.2), dpi=_DPI, layout="constrained")
         self.canvas: Any = FigureCanvasAgg(self.figure)  # typed in part only
         grid = self.figure.subplots(len(views), 2, squeeze=False)
@@ -131,17 +131,17 @@ class Drawing:
         low, high = scene.corners()
         self.panels: list[_Panel] = []
         for row, axes in enumerate(views):
-            whole, near = grid[row]
-            _frame_whole(whole, low, high, axes)
+            full, near = grid[row]
+            _frame_run(full, low, high, axes)
             _frame_near(near, half, axes)
-            self.panels += [_Panel(whole, scene, axes, follow=False), _Panel(near, scene, axes, follow=True)]
+            self.panels += [_Panel(full, scene, axes, follow=False), _Panel(near, scene, axes, follow=True)]
         handles, labels = grid[0][0].get_legend_handles_labels()
         self.figure.legend(handles, labels, loc="outside lower center", ncols=5)
         self.caption = self.figure.suptitle(" ", fontsize=9.0, family="monospace")
         self.moving = [artist for panel in self.panels for artist in panel.artists] + [self.caption]
 
     def pictures(self, frames: Iterable[int]) -> Iterator[Image.Image]:
-        """Pictures of these samples. Axes and labels are laid out and drawn once, what moves over a copy of them."""
+        """Pictures of these samples. Axes and labels are drawn once, and what moves is drawn over a copy of them."""
         for artist in self.moving:
             artist.set_animated(True)
         self.canvas.draw()
@@ -157,7 +157,7 @@ class Drawing:
             yield Image.fromarray(np.asarray(self.canvas.buffer_rgba())[..., :3].copy())
 
     def show(self, frame: int) -> None:
-        """Move everything to where it is at sample ``frame``."""
+        """Move everything to its place at sample ``frame``."""
         for panel in self.panels:
             panel.show(frame)
         history = self.scene.history
@@ -168,7 +168,7 @@ class Drawing:
 
 
 class _Panel:
-    """One view of the scene, with artists that are moved from frame to frame."""
+    """One view of the scene, with artists that move from frame to frame."""
 
     def __init__(self, axes: Axes, scene: Scene, seen: tuple[int, int], *, follow: bool) -> None:
         self.scene, self.seen, self.follow = scene, seen, follow
@@ -215,7 +215,7 @@ class _Panel:
         self.regions.set_verts([shape for shape in shapes if np.isfinite(shape).all()])
 
     def _ray(self, frame: int) -> Array:
-        """The measured bearing, out of the picture: it says nothing of the range. Empty where it was missed."""
+        """The measured bearing, drawn beyond the view since it says nothing of the range. Empty where it was missed."""
         direction = self.scene.history.bearing[frame][list(self.seen)]
         length = float(np.linalg.norm(direction))
         if not np.isfinite(length) or length == 0.0:
@@ -224,8 +224,8 @@ class _Panel:
         return np.stack([start, start + self.reach * direction / length])
 
 
-def _frame_whole(axes: Axes, low: Array, high: Array, seen: tuple[int, int]) -> None:
-    """A square view of the whole run."""
+def _frame_run(axes: Axes, low: Array, high: Array, seen: tuple[int, int]) -> None:
+    """A square view of the run."""
     middle, half = 0.5 * (low + high), 0.5 * float(np.max(high - low))
     _frame(axes, (middle[seen[0]], middle[seen[1]]), half)
     axes.set_xlabel(f"{_NAMES[seen[0]]} [m]")

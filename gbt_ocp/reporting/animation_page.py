@@ -25,9 +25,9 @@ def _text(name: str) -> str:
 def animation_page(scene: Scene) -> str:
     """The page, complete: markup, style, script and data.
 
-    The script draws on a canvas: the run as a whole or around the target, in space from any side. Times and positions
-    are 64-bit floats in base64, which keep a millimetre of a map coordinate; what is read to three digits is 32-bit
-    floats.
+    The script draws on a canvas: the run or the surroundings of the target, in space from any side. Arrays are in
+    base64: times and positions as 64-bit floats, since 32 bits lose half a metre of a map coordinate; everything else,
+    which is shown with three digits, as 32-bit floats.
     """
     # "</" would end the script element in the middle of a text.
     data = json.dumps(_data(scene), ensure_ascii=False).replace("</", "<\\/")

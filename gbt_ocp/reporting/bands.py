@@ -51,7 +51,7 @@ def draw_bands(
     xlabel: str = "time [s]",
     lowest: float | None = None,
 ) -> Figure:
-    """Draw curves in panels that share both axes; a label has one look in all of them.
+    """Draw curves in panels that share both axes. A label has the same look in all of them.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def draw_bands(
     xlabel
         What the curves' ``t`` is, with its unit.
     lowest
-        Lower end of the vertical axis where curves go further down than anybody reads.
+        Lower end of the vertical axis, where curves go down to values that do not matter.
 
     Raises
     ------

@@ -1,6 +1,7 @@
 """The figures of one run: what the paper's figure 4 shows, with thrust against its limits and solver time.
 
-They need the three files of a run folder and nothing else. No pyplot: figures are objects, many runs may draw at once.
+They need the three files of a run folder and nothing else. Figures are objects made without pyplot, so several runs
+may draw at the same time.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
     history
         The run.
     configuration
-        The mapping of ``config.yaml``; read are ``sensor.period_s`` and, failing the summary, ``vehicle.thrust_max``.
+        The mapping of ``config.yaml``; read are ``sensor.period_s`` and, if the summary lacks it,
+        ``vehicle.thrust_max``.
     summary
         The mapping of ``summary.json``; read are ``settling_s`` and ``thrust_max``.
 
@@ -55,7 +57,7 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
     period = _value(configuration, "sensor", "period_s")
     if not isinstance(period, int | float) or not 0.0 < period < np.inf:
         raise ValueError(f"{run_folder.CONFIGURATION}: sensor.period_s: found {period!r}; allowed: a number > 0")
-    # the configuration of a problem's own vehicle does not know its limits, the summary does
+    # of a problem's own vehicle, only the summary has the limits
     known = summary.get("thrust_max")
     limits = known or _value(configuration, "vehicle", "thrust_max")
     axes_count = history.thrust.shape[1]
@@ -203,7 +205,7 @@ def _thrust(history: History, thrust_max: Array) -> Figure:
         axes.plot(history.t, relative[:, index], color=style.BLUE, linewidth=0.8, label="at the start of the piece")
         for limit in (-1.0, 1.0):
             axes.axhline(limit, color=style.VERMILLION, linestyle="--", linewidth=1.0, label="limit")
-        # Solvers stop at about 1e-8 of their limits: that much is no violation a reader should be sent to look for.
+        # Solvers stop at about 1e-8 of their limits, which is not marked as a violation.
         above = known & (peak[:, index] > 1.0 + 1e-6)
         if above.any():
             axes.plot(
@@ -260,12 +262,12 @@ def _times(history: History, period: float) -> Figure:
 
 
 def _positive(values: Array) -> Array:
-    """Values as a logarithmic axis can show them: NaN where zero, negative or infinite."""
+    """Values that a logarithmic axis can show; NaN for zero, negative and infinite ones."""
     return np.where(np.isfinite(values) & (values > 0.0), values, np.nan)
 
 
 def _log_limits(axes: Axes, first: Array, *others: Array) -> None:
-    """Whole view of the first series; others (a bound, say) may widen it by at most three decades on either side."""
+    """Show all of the first series. Others, such as a bound, widen the view by at most three decades on either side."""
     finite = first[np.isfinite(first)]
     if not finite.size:
         return
@@ -275,7 +277,7 @@ def _log_limits(axes: Axes, first: Array, *others: Array) -> None:
         if within.size:
             low = min(low, max(float(within.min()), 1e-3 * low))
             high = max(high, min(float(within.max()), 1e3 * high))
-    if high < 10.0 * low:  # never less than a decade: the ticks of a logarithmic axis need it
+    if high < 10.0 * low:  # at least a decade, which the ticks of a logarithmic axis need
         middle = np.sqrt(low * high)
         low, high = middle / np.sqrt(10.0), middle * np.sqrt(10.0)
     axes.set_ylim(low / 1.4, high * 1.4)

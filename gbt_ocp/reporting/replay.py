@@ -21,11 +21,11 @@ ELLIPSES = 6
 """Ellipses drawn along the track of the first tracker."""
 
 UNSETTLED = 0.1
-"""Share of the log at its start that does not choose the limits of a map: nothing is known there yet."""
+"""Share of the log at its start that does not set the limits of a map, since nothing is known there yet."""
 
 
 def score_table(summary: Mapping[str, Any]) -> Table:
-    """The scores of all trackers; without a truth in the log, what is known of each all the same."""
+    """The scores of all trackers. Without a truth in the log, those that need none."""
     scored = any("error_median" in found for found in summary["trackers"].values())
     columns = ["tracker", "range std / range %", "observable %", "residual std deg", "ms a bearing"]
     if scored:
@@ -69,9 +69,9 @@ def draw_replay(log: BearingLog, tracks: Sequence[ReplayedTrack], score_from: fl
     log
         The log.
     tracks
-        What trackers made of it; the first is drawn with its uncertainty.
+        The tracks; the first is drawn with its uncertainty.
     score_from
-        Time in seconds after the first bearing from which the ranges choose the limits of their axis.
+        Time in seconds after the first bearing from which the ranges set the limits of their axis.
     """
     with style.styled():
         return {
@@ -91,7 +91,7 @@ def _track(log: BearingLog, tracks: Sequence[ReplayedTrack]) -> Figure:
     points = [log.own[:, :2]] + ([log.truth[:, :2]] if log.truth is not None else [])
     for track, (colour, line) in zip(tracks, _LOOKS, strict=False):
         axes.plot(*track.mean[begin:, :2].T, color=colour, linestyle=line, linewidth=1.0, label=track.name)
-        if track is tracks[0]:  # a baseline that leaves does not squeeze the others to a dot
+        if track is tracks[0]:  # a baseline that diverges does not shrink the others to a dot
             points.append(track.mean[begin:, :2])
     first = tracks[0]
     for k in np.linspace(begin, len(log.times) - 1, ELLIPSES).astype(int):

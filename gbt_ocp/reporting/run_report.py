@@ -134,7 +134,7 @@ def _in_a_sentence(history: History, summary: dict[str, Any]) -> str:
 def _summary_rows(summary: dict[str, Any]) -> Iterable[tuple[str, ...]]:
     for key, value in summary.items():
         if key in ("versions", "warnings", "fallbacks", "retries"):
-            continue  # each has a place of its own
+            continue  # shown elsewhere
         unit, meaning = MEANING.get(key, ("", ""))
         yield _number(value), unit, meaning, key
 

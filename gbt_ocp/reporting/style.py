@@ -1,4 +1,4 @@
-"""One look for all figures: legible in print, for colour-blind readers and in grey."""
+"""The look of all figures: legible in print, for colour-blind readers and in grey."""
 
 from __future__ import annotations
 
@@ -49,20 +49,20 @@ _STYLE: Any = {  # matplotlib types the keys one by one
 
 
 def styled() -> Any:
-    """Context in which figures are made in this style; the caller's own settings come back at its end."""
+    """Context in which figures have this style; at its end the caller's settings are back."""
     return rc_context(_STYLE)
 
 
 def new_figure(height: float) -> Figure:
-    """Figure of the text width and the given height in inches, drawn by Agg: pyplot never hears of it."""
-    # Room at the sides: half of the last tick label stands outside the axes.
+    """Figure of the text width and the given height in inches, drawn by Agg without pyplot."""
+    # Room at the sides for the half of the last tick label outside the axes.
     figure = Figure(figsize=(WIDTH, height), layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.05))
     FigureCanvasAgg(figure)
     return figure
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
-    """Legend over the plot, where it can cover nothing; each label once."""
+    """Legend above the plot, where it covers nothing; each label once."""
     handles, labels = axes.get_legend_handles_labels()
     first = dict(zip(reversed(labels), reversed(handles), strict=True))
     ordered = list(dict.fromkeys(labels))
@@ -76,7 +76,7 @@ def time_axis(axes: Axes, t_end: float) -> None:
 
 
 def plain_log_ticks(axes: Axes) -> None:
-    """Ticks 1, 2, 5, 10 in plain numbers on a logarithmic axis: powers of ten alone say little about one decade."""
+    """Ticks 1, 2, 5, 10 in plain numbers on a logarithmic axis, where one decade has no more than two powers of ten."""
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())

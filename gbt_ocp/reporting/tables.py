@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 @dataclass(frozen=True)
 class Spread:
-    """Mean and standard deviation of a sample; shown as ``mean ± std``, two columns in CSV."""
+    """Mean and standard deviation of a sample: ``mean ± std`` where it is shown, two columns in CSV."""
 
     mean: float
     std: float
@@ -24,7 +24,7 @@ class Spread:
 
     @classmethod
     def of(cls, values: ArrayLike, digits: int = 3) -> Spread:
-        """Mean and standard deviation (of the sample, n - 1) of the finite values; NaN where there are none."""
+        """Mean and standard deviation (of the sample, n - 1) of the finite values; NaN without any."""
         sample = np.asarray(values, dtype=float).ravel()
         sample = sample[np.isfinite(sample)]
         if not sample.size:
@@ -50,7 +50,7 @@ class Table:
         Raises
         ------
         ValueError
-            If it has not one cell a column.
+            If it has not one cell for each column.
         """
         if len(cells) != len(self.columns):
             raise ValueError(f"a row has {len(cells)} cells; allowed: {len(self.columns)}")

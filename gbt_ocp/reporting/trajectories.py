@@ -32,14 +32,14 @@ def trajectories(history: History) -> Figure:
     }
     low, high = _view(np.concatenate([paths["vehicle"], paths["target"]]))
     if history.dimension == 2:
-        # The page's shape follows the paths', within reason: a long straight run needs no white above and below it.
+        # The page has the shape of the paths, within limits: a long straight run leaves no white above and below it.
         shape = float(np.clip((high[0] - low[0]) / (high[1] - low[1]), 1.0, 2.5))
         figure = style.new_figure(0.9 + 5.3 / max(shape, 1.4))
         plane = figure.add_subplot()
     else:
         shape = 1.0
         figure = style.new_figure(3.5 if _flat(low, high) else 4.5)
-        # The layout engine does not see the labels of 3D axes: the gap keeps the z label off its neighbour.
+        # The layout engine ignores the labels of 3D axes: the gap keeps the z label off its neighbour.
         grid = figure.add_gridspec(1, 2, width_ratios=[1.2, 1.0], wspace=0.16)
         space: Any = figure.add_subplot(grid[0], projection="3d", computed_zorder=False)
         _draw_space(space, paths, low, high)
@@ -76,7 +76,7 @@ def _draw_plane(axes: Axes, paths: dict[str, Array], low: Array, high: Array, sh
         axes.plot(points[:, 0], points[:, 1], label=label, zorder=3 if name == "target" else 2, **_PATHS[name])
     for name in ("vehicle", "target"):
         ends = {"color": _PATHS[name]["color"], "linestyle": "", "zorder": 4, "markersize": 5.5}
-        # Named once, in grey: the shape says start or end, the colour says whose.
+        # Labelled once, in grey: the shape shows start or end, the colour shows which path.
         axes.plot(*paths[name][0, :2], marker="o", markerfacecolor="white", **ends)
         axes.plot(*paths[name][-1, :2], marker="s", **ends)
     axes.plot([], [], marker="o", markerfacecolor="white", color=style.GREY, linestyle="", label="start")

@@ -75,7 +75,7 @@ class ClosedLoop:
     plant: Plant | None = None
     follow_bandwidth: float = BANDWIDTH
 
-    # what a protocol says of an object takes as long to find out as a step of a cheap tracker: asked once a loop
+    # isinstance with a protocol takes as long as a step of a cheap tracker, so it is asked once
 
     @cached_property
     def position_tracker(self) -> PositionTracker | None:
@@ -89,7 +89,7 @@ class ClosedLoop:
 
     @cached_property
     def bearing_guidance(self) -> BearingGuidance | None:
-        """The guidance, if it is told of bearings."""
+        """The guidance, if it steers by bearings."""
         return self.guidance if isinstance(self.guidance, BearingGuidance) else None
 
 
@@ -106,7 +106,7 @@ class Recording:
     nugget_retries
         How often the tracker had to raise its nugget.
     refused_bearings
-        Bearings that the tracker refused because they were none: not finite, not of length 1, or out of time.
+        Bearings that the tracker refused: not finite, not of length 1, or out of order.
     held_forecasts
         Steps in which the tracker's forecast was not finite and the guidance was given the one before.
     clipped
@@ -131,8 +131,8 @@ Progress = Callable[[int, float, float], None]
 
 
 def step_count(duration: float, period: float) -> int:
-    """Steps of a run: the first at t = 0, the last at the last whole period within the duration (both in seconds)."""
-    # a tenth is no binary number: 0.3/0.1 is a little less than 3
+    """Steps of a run: the first at t = 0, the last at the last full period within the duration (both in seconds)."""
+    # a tenth has no exact binary form: 0.3/0.1 is a little less than 3
     return int(duration / period + 1e-6) + 1
 
 
@@ -184,8 +184,8 @@ def simulate(
         if bearing is not None:
             underway.append((t, bearing, own, position))
         while underway and underway[0][0] <= t - loop.sensor.latency + 1e-9:
-            measured, arrived, there, whole = underway.popleft()
-            if _taken(loop, measured, arrived, there, whole):
+            measured, arrived, there, place = underway.popleft()
+            if _taken(loop, measured, arrived, there, place):
                 seen.append(arrived)
                 latest = arrived
             else:
@@ -234,19 +234,19 @@ def simulate(
 
 
 def _taken(loop: ClosedLoop, time: float, bearing: Array, own: Array, position: Array) -> bool:
-    """Give the tracker what was measured; whether it took it."""
+    """Give the tracker a measurement. Returns whether it took it."""
     try:
         if loop.position_tracker is not None:
             loop.position_tracker.update_position(time, position)
         else:
             cast(Tracker, loop.tracker).update(time, bearing, own)
-    except ValueError:  # no bearing at all, by the tracker's protocol; the tracker is unchanged
+    except ValueError:  # refused, by the protocol of trackers; the tracker is unchanged
         return False
     return True
 
 
 def _is_finite(forecast: Forecast) -> bool:
-    """Whether a plan can be made for it; a covariance of NaN says that there is none."""
+    """Whether a plan can be made for it. A covariance of NaN means that the tracker has none."""
     return bool(np.all(np.isfinite(forecast.mean)) and not np.any(np.isinf(forecast.covariance)))
 
 

@@ -1,4 +1,4 @@
-"""A recorded log, and what a tracker makes of it."""
+"""A recorded log, and the track that a tracker makes of it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gbt_ocp.typing import Array
 
 @dataclass(frozen=True)
 class ReplayedTrack:
-    """What one tracker made of a log, at the time of each of its K bearings.
+    """The track that one tracker made of a log, at the times of its K bearings.
 
     Attributes
     ----------

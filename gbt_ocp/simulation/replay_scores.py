@@ -1,4 +1,4 @@
-"""What a replayed track is worth: errors as shares of the range where the truth is known, and the residuals."""
+"""Scores of a replayed track: errors as shares of the range where the truth is known, and residuals."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def scores(
     residual: Array | None = None,
     seconds: Array | None = None,
 ) -> dict[str, Any]:
-    """Numbers of one track, from ``score_from`` seconds after the first bearing on.
+    """Numbers of one track, from ``score_from`` seconds after the first bearing.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def scores(
     times, mean, covariance
         The track: ``(K,)``, ``(K, d)``, ``(K, d, d)``.
     ahead_s, ahead
-        Its forecast so many seconds ahead, mean and covariance.
+        Time in seconds by which it forecasts, and mean and covariance of the forecast.
     score_from
         In seconds.
     residual
@@ -66,7 +66,7 @@ def scores(
         if ahead is not None:
             later = times + ahead_s
             there = np.stack([np.interp(later, times, values, right=np.nan) for values in log.truth.T], axis=-1)
-            # seen from where the vehicle is then
+            # from the own position of that time
             own = np.stack([np.interp(later, times, values) for values in log.own.T], axis=-1)
             found |= _errors("ahead_", *ahead, there, np.linalg.norm(there - own, axis=1), scored)
     if residual is not None:
@@ -99,6 +99,6 @@ def _root_mean_square(values: Array) -> float:
 
 
 def _of(statistic: Any, values: NDArray[Any]) -> float | None:
-    """Statistic of the finite values, ``None`` when there are none."""
+    """Statistic of the finite values, ``None`` without any."""
     finite = values[np.isfinite(values)]
     return float(statistic(finite)) if finite.size else None

@@ -1,7 +1,7 @@
-"""A run folder is written whole or not at all, and its JSON is strict.
+"""The files of a run folder.
 
 The folder is filled under a temporary name in the same parent and renamed at the end: a rename within one file system
-is atomic, so whoever sees the final name sees the whole folder, also after a kill or a full disk.
+is atomic, so a folder under its final name is complete, also after a kill or a full disk. Its JSON is strict.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ HISTORY = "history.npz"
 SUMMARY = "summary.json"
 FIGURES = "figures"
 PARTS = (CONFIGURATION, HISTORY, SUMMARY)
-"""The files without which a folder is no run folder."""
+"""The files that every run folder has."""
 
 NUMERIC = frozenset(
     (
@@ -31,14 +31,14 @@ NUMERIC = frozenset(
 )  # fmt: skip
 COUNTS = frozenset(("fallbacks", "retries"))
 LISTS = frozenset(("warnings", "thrust_max"))
-"""What keys of the summary hold that somebody computes with."""
+"""Keys of the summary that are read again, by the kind of their values."""
 
-# The fast one is a part of most builds of PyYAML; a sweep reads as many files as it has runs.
+# Most builds of PyYAML have the fast loader; a sweep reads as many files as it has runs.
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def strict(value: Any) -> Any:
-    """Copy of nested mappings, sequences and numbers fit for strict JSON: NaN and infinity become None."""
+    """Copy of nested mappings, sequences and numbers for strict JSON: NaN and infinity become None."""
     if isinstance(value, Mapping):
         return {str(key): strict(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -70,16 +70,16 @@ def read_summary(folder: Path) -> dict[str, Any]:
     FileNotFoundError
         If the folder has no summary.
     ValueError
-        If the file is not a JSON object, or a number of it is none.
+        If the file is not a JSON object, or a value has another kind than it should.
     """
     path = folder / SUMMARY
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:  # what is no UTF-8 is a ValueError too
+    except (ValueError, RecursionError) as error:  # text that is not UTF-8 is a ValueError too
         raise ValueError(f"{path}: not valid JSON: {error}") from None
     if not isinstance(summary, dict):
         raise ValueError(f"{path}: found {type(summary).__name__}; allowed: a JSON object")
-    # A key that is not there may be one that an older version did not write.
+    # An older version may not have written a key.
     for key, value in summary.items():
         if key in NUMERIC and value is not None and not _is_number(value):
             raise ValueError(f"{path}: {key}: found {value!r:.60}; allowed: a number or null")
@@ -109,7 +109,7 @@ def read_configuration(folder: Path) -> tuple[str, dict[str, Any]]:
     path = folder / CONFIGURATION
     try:
         text = path.read_text(encoding="utf-8")
-        # nested, they stand for more than a computer holds
+        # nested aliases stand for more values than a computer holds
         if "*" in text and any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, _LOADER)):
             raise ValueError("found an alias; allowed: values, as gbt-ocp run writes them")
         mapping = yaml.load(text, _LOADER)

@@ -32,7 +32,7 @@ def summarise(
     forecast_period: float | None = None,
     standoff: float | None = None,
 ) -> dict[str, Any]:
-    """Numbers of a run, as they stand in ``summary.json`` (the paper's tables 2 and 3, and what explains them).
+    """Numbers of a run for ``summary.json``: those of the paper's tables 2 and 3, and what explains them.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def summarise(
     solver_first_try
         Whether the first solve of each step succeeded, ``(K,)``; read only where a solver was asked.
     retries
-        Counts of what happened short of a fallback, for example nugget retries of the tracker.
+        Counts of events that needed no fallback, for example nugget retries of the tracker.
     versions
         See `installed_versions`.
     forecast_period
@@ -138,17 +138,17 @@ def installed_versions() -> dict[str, str]:
     for package in ("gbt_ocp", "casadi", "numpy", "scipy"):
         try:
             versions[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:  # run from a checkout that was never installed
+        except importlib.metadata.PackageNotFoundError:  # a checkout that is not installed
             versions[package] = "not installed"
     versions["platform"] = platform.platform()
     return versions
 
 
 def _for_good(holds: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Where something holds from there on to the end, ``(K,)``."""
+    """The steps from which on something holds until the end, ``(K,)``."""
     return np.asarray(np.logical_and.accumulate(holds[::-1])[::-1])
 
 
 def _of(statistic: Any, values: NDArray[Any]) -> Any:
-    """Statistic of the values, None when there are none."""
+    """Statistic of the values, None without values."""
     return statistic(values) if values.size else None

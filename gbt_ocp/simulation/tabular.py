@@ -46,7 +46,7 @@ def dataset(history: History, attributes: dict[str, Any]) -> Dataset:
     history
         The run.
     attributes
-        Of the dataset as a whole.
+        Attributes of the dataset.
 
     Returns
     -------

@@ -23,7 +23,7 @@ LOST_SHARE = 0.5
 
 
 def track_numbers(history: History, forecast_period: float, standoff: float | None) -> dict[str, Any]:
-    """Numbers that a run at sea is judged by; those that are not defined are left out.
+    """Numbers that a run at sea is judged by. Undefined ones are left out.
 
     Parameters
     ----------

@@ -125,6 +125,30 @@ def _noise(merged: Mapping[str, Any]) -> Iterator[Fault]:
     yield from _bins(merged, path, NoisyBearings, 2)
 
 
+def without_effect(merged: Mapping[str, Any], beneath: Mapping[str, Any]) -> Iterator[Fault]:
+    """Keys of the tracker for exact bearings that are written where the one for noisy bearings takes its place.
+
+    Parameters
+    ----------
+    merged
+        All layers of the configuration.
+    beneath
+        The layers below what is written. What they say is no fault, nor is writing it out again.
+    """
+    kind, noise = TRACKERS.get(str(value_at(merged, ("tracker", "kind")))), value_at(merged, ("tracker", "noise"))
+    if kind is None or not issubclass(kind.section, GaussianProcessSection):
+        return
+    by_sensor = noise in (NOTHING, "sensor") and _number(merged, ("sensor", "noise_deg"), 0.0)
+    if not (isinstance(noise, Mapping) or by_sensor):
+        return
+    for name in ("kernel", "centre", "amplitude", "length_scale", "nugget", "bound_delta"):
+        path, default = ("tracker", name), GaussianProcessSection.model_fields[name].default
+        value, below = (value_at(layer, path) for layer in (merged, beneath))
+        if value not in (NOTHING, default, below):
+            why = "tracker.noise has keys of its own" if isinstance(noise, Mapping) else "sensor.noise_deg is above 0"
+            yield Fault(path, shown(value), f"only with tracker.noise: null, without effect here ({why})")
+
+
 def _bins(merged: Mapping[str, Any], path: tuple[str, ...], section: type[Section], least: int) -> Iterator[Fault]:
     """A window that holds too few bins, or more than can be computed with."""
     width, window = (_number(merged, (*path, name), section.model_fields[name].default) for name in _BINS)

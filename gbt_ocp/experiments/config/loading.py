@@ -20,7 +20,7 @@ from gbt_ocp.experiments.build.tracker_kinds import kept_keys
 from gbt_ocp.experiments.build.trackers import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config import yaml_dialect as dialect
-from gbt_ocp.experiments.config.consistency import extremes, inconsistencies
+from gbt_ocp.experiments.config.consistency import extremes, inconsistencies, without_effect
 from gbt_ocp.experiments.config.faults import NOTHING, ConfigurationError, Fault, shown, value_at
 from gbt_ocp.experiments.config.schema import Configuration, is_text
 from gbt_ocp.experiments.config.tracker import TrackerSection
@@ -127,7 +127,8 @@ def _checked(
 
     top = _merge(layers)
     chosen, problem = _problem(top.get("problem", "case2"), folder, layers, faults)
-    layers = [*_beneath(chosen, problem, top.get("preset", "default"), top, logged), *layers]
+    beneath = _beneath(chosen, problem, top.get("preset", "default"), top, logged)
+    layers = [*beneath, *layers]
     merged = _merge(layers)
     merged["problem"] = chosen
     merged.setdefault("name", _as_name(name or (problem.name if problem else "run")))
@@ -145,7 +146,8 @@ def _checked(
         found += faults_of(error, merged, sizes)
     found += [fault for fault in extremes(merged) if fault.path not in {other.path for other in found}]
     single = {fault.path for fault in found}
-    found += [fault for fault in inconsistencies(merged, problem) if fault.path not in single]
+    between = [*inconsistencies(merged, problem), *without_effect(merged, _merge(beneath))]
+    found += [fault for fault in between if fault.path not in single]
     faults += [fault.line(_origin(fault.path, layers, label)) for fault in found]
     if faults or configuration is None:
         raise ConfigurationError(faults)

@@ -20,7 +20,7 @@ RUN_S = 120.0
 """Seconds that the example may take for the recorded steps; less than one is usual."""
 
 
-def required_tools() -> tuple[str, str]:
+def required_tools() -> tuple[list[str], str]:
     """The C compiler and ``make``.
 
     Raises
@@ -58,7 +58,7 @@ def built(folder: Path, flags: str) -> Iterator[Path]:
     with tempfile.TemporaryDirectory() as scratch:
         copy = Path(scratch) / "planner"
         shutil.copytree(folder, copy)
-        quoted = shlex.quote(compiler).replace("$", "$$")  # for the shell, and for make, which expands $
+        quoted = shlex.join(compiler).replace("$", "$$")  # for the shell, and for make, which expands $
         command = [make, f"CC={quoted}", f"CFLAGS={flags}", "OUT=build"]
         try:
             done = run_command(command, copy, BUILD_S)

@@ -138,7 +138,7 @@ def _sizes(draft: Path, prefix: str) -> dict[str, int | str | None]:
             library = build / f"lib{prefix}gbt_planner.a"
             listed = run_command([size, "-t", str(library)], build, RUN_S).stdout
             shown = run_example(build).stdout
-            name = run_command([compiler, "--version"], build, RUN_S).stdout
+            name = run_command([*compiler, "--version"], build, RUN_S).stdout
     except CommandError as fault:
         raise CompilerError(str(fault)) from fault
     try:

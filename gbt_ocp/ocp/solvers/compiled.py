@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.check import FINE_POINTS
-from gbt_ocp.ocp.codegen.library import build_library, kernel_files
+from gbt_ocp.ocp.codegen.library import kernel_files, load_library
 from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.problem_source import from_moments, generate_problem
 from gbt_ocp.ocp.problem_data import ProblemData
@@ -101,8 +101,7 @@ class CompiledSolver:
     def __init__(self, problem: ProblemData, options: Mapping[str, Any]) -> None:
         self._made_from = (problem, dict(options))
         self._settings = _Settings(**asdict(CompiledOptions.checked(options, problem.pieces)))
-        self.library = build_library(kernel_files() | generate_problem(problem).files)
-        kernel = ctypes.CDLL(str(self.library))
+        kernel = load_library(kernel_files() | generate_problem(problem).files)
         kernel.gbt_workspace_bytes.restype = ctypes.c_size_t
         self._workspace = np.zeros(kernel.gbt_workspace_bytes() // 8 + 1)
         numbers = ctypes.c_void_p

@@ -37,7 +37,7 @@ function dot(context, [x, y], colour, size, square = false) {
   context.fill();
 }
 
-// With a halo: lines may run behind a label.
+// With a halo, since lines may run behind a label.
 function label(context, text, x, y) {
   context.strokeStyle = "#fff";
   context.lineWidth = 4;
@@ -154,7 +154,7 @@ function box(context) {
   const middle = camera.project(low.map((value, i) => 0.5 * (value + high[i])));
   context.textAlign = "center";
   for (let i = 0; i < 3; i++) {
-    // Of the four edges along an axis, that which lies farthest out below (or to the left) keeps the labels outside.
+    // Of the four edges along an axis, the lowest (or leftmost) keeps the labels outside.
     const edges = [0, 1, 2, 3, 4, 5, 6, 7].filter((bits) => !(bits >> i & 1));
     const at = (bits) => camera.project(low.map((value, j) => (j === i ? 0.5 * (value + high[j]) : corner(bits)[j])));
     const edge = edges.reduce((best, bits) => ((i < 2 ? at(bits)[1] > at(best)[1] : at(bits)[0] < at(best)[0]) ? bits : best));
@@ -162,7 +162,7 @@ function box(context) {
       const [mx, my] = at(edge), length = Math.hypot(mx - middle[0], my - middle[1]) || 1;
       return [x + away * (mx - middle[0]) / length, y + away * (my - middle[1]) / length + 4];
     };
-    // In the close-up ticks are distances from the target: absolute ones would run past.
+    // In the close-up ticks are distances from the target: absolute ones would move.
     const zero = near ? target(state.k)[i] : 0, [values, digits] = ticks(low[i] - zero, high[i] - zero, 3.5);
     context.fillStyle = "#444";
     for (const value of values) {

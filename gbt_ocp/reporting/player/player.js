@@ -59,10 +59,10 @@ function tick(now) {
   if (state.playing) requestAnimationFrame(tick);
 }
 
-// Hands --------------------------------------------------------------------------------------------------------------
+// Pointer and keys --------------------------------------------------------------------------------------------------------------
 
 function hover(x, y) {
-  // What is of this moment goes before the paths, which lie under it.
+  // Marks of this moment are preferred to the paths under them.
   const weight = { forecast: 0.6, plan: 0.6, target: 1, vehicle: 1 };
   let best = null, least = 14;
   for (const item of marks) {
@@ -80,7 +80,7 @@ function hover(x, y) {
 let held = null;
 view.addEventListener("pointerdown", (event) => {
   held = [event.clientX, event.clientY];
-  try { view.setPointerCapture(event.pointerId); } catch { /* a pointer that is gone already */ }
+  try { view.setPointerCapture(event.pointerId); } catch { /* the pointer is gone already */ }
 });
 view.addEventListener("pointerup", () => { held = null; });
 view.addEventListener("pointermove", (event) => {
@@ -103,7 +103,7 @@ view.addEventListener("pointerleave", () => { tip.hidden = true; });
 view.addEventListener("wheel", (event) => {
   event.preventDefault();
   const box = view.getBoundingClientRect(), factor = Math.exp(-0.0015 * event.deltaY);
-  // What lies under the pointer stays there.
+  // The point under the pointer stays there.
   const away = [event.clientX - box.left - camera.origin[0], event.clientY - box.top - camera.origin[1]];
   camera.shift = camera.shift.map((value, i) => value + away[i] * (1 - factor));
   camera.zoom *= factor;

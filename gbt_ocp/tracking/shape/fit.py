@@ -101,6 +101,12 @@ def sightings_root(covariance: Array, diagonal: bool) -> tuple[Array, Array]:
     return np.linalg.solve(factor, identity), 2.0 * np.sum(np.log(np.diagonal(factor, axis1=-2, axis2=-1)), axis=-1)
 
 
+def whitening(covariance: Array) -> Array:
+    """A matrix A ``(d, d)`` with ``AᵀA`` the inverse of a covariance."""
+    values, axes = np.linalg.eigh(covariance)
+    return np.asarray((axes / np.sqrt(values)).T)
+
+
 @dataclass(frozen=True)
 class Fit:
     """Gaussians of B motions, in steps of the whitened coordinates about their modes.

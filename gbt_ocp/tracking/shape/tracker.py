@@ -1,7 +1,7 @@
 """Tracker of noisy bearings with a Gaussian process on the shape of the motion, for ranges that may not be observable.
 
-Every estimate starts from the last one, told from the new now, and competes with starts at several ranges. What
-remains is a mixture: the distinct motions that fit (near and far), each averaged over the grid of hyperparameters,
+Every estimate starts from the last one, moved to the present time, and competes with starts at several ranges. The
+result is a mixture: the distinct motions that fit (near and far), each averaged over the grid of hyperparameters and
 weighed by Laplace's approximation of the evidence.
 """
 
@@ -9,17 +9,17 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gbt_ocp.models.bearings import log_map, tangent_basis
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import PositionPrior
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, relative_range_std
-from gbt_ocp.tracking.shape.fit import Fit, Known, Sightings, fit, sightings_root
+from gbt_ocp.tracking.shape.fit import Fit, Known, Sightings, fit, sightings_root, whitening
+from gbt_ocp.tracking.shape.hypotheses import UNLIKELY, Hypothesis, cold_starts, distinct, log_mean, same_motion
 from gbt_ocp.tracking.shape.moments import Moments, moments_ahead, moments_behind, moments_now
 from gbt_ocp.tracking.shape.motions import Motions, MotionShape
 from gbt_ocp.tracking.shape.processes import ShapePrior
@@ -33,30 +33,6 @@ RECENT = 8
 
 LOST = 6.0
 """Mean squared standardised residual of the recent bins above which a track counts as lost."""
-
-APART = 1.0
-"""Distance of two modes, in standard deviations of log range and heading, above which they are two hypotheses."""
-
-UNLIKELY = np.log(1e-4)
-"""Share of the evidence below which a hypothesis is given up and a component is left out of a forecast."""
-
-
-class Hypothesis(NamedTuple):
-    """One of the distinct motions that fit the bearings.
-
-    Attributes
-    ----------
-    weight
-        Its probability.
-    range
-        Median range now in metres.
-    log_range_std
-        Standard deviation of the logarithm of its range.
-    """
-
-    weight: float
-    range: float
-    log_range_std: float
 
 
 class MotionShapeTracker:
@@ -204,18 +180,19 @@ class MotionShapeTracker:
         # at every estimate while it is open where the target is, now and then afterwards
         if self._fit is None or self._unfit or self._estimates % 5 == 0 or self._open:
             self._compete(means)
-        self._keep_distinct()
+        assert self._fit is not None, "the competition adds one"
+        self._fit, self._labels = distinct(self._shape, self._fit, self._labels, self._most)
         self._open = not self.range_observable
         if not self._open and np.isfinite(self._memory):
             times, mean, covariance = moments_now(self._shape, *self._likely())
-            self._trail.append((now, Known(now + times, own + mean, _root(covariance) / self._memory)))
+            self._trail.append((now, Known(now + times, own + mean, whitening(covariance) / self._memory)))
         self._check()
 
     def _compete(self, means: BinnedBearings) -> None:
         """Add the motions that starts at several ranges lead to, if they fit no worse and are others."""
         points = np.arange(len(self._shape.grid))
         middle = len(points) // 2
-        cold = self._cold_starts(means, middle)
+        cold = cold_starts(self._shape, means, self._now, self._own, self._starts, middle)
         tried = fit(self._shape, cold, self._sightings(means, cold), COLD_ITERATIONS)
         kept = self._fit
         if kept is not None:
@@ -228,7 +205,7 @@ class MotionShapeTracker:
             if tried.log_evidence[one] < standard + 0.5 * UNLIKELY or len(new) == self._most:
                 break
             others = Fit.joined([same_point, tried[np.array(new, dtype=np.intp)]])
-            if not np.any(self._same(tried[np.array([one])], others)):
+            if not np.any(same_motion(self._shape, tried[np.array([one])], others)):
                 new.append(int(one))
         if not new:
             return
@@ -237,28 +214,6 @@ class MotionShapeTracker:
         labels = np.repeat(np.arange(len(new)) + len(self._labels), len(points))
         self._fit = found if kept is None else Fit.joined([kept, found])
         self._labels = labels if kept is None else np.concatenate([self._labels, labels])
-
-    def _same(self, one: Fit, others: Fit) -> NDArray[np.bool_]:
-        """Whether a component is the same motion as each of the others."""
-        log_range = [self._shape.log_range(found.motions) for found in (one, others)]
-        deviation = [self._prior.range.log_std * np.sqrt(found.covariance[:, 0, 0]) for found in (one, others)]
-        apart = np.abs(log_range[0] - log_range[1]) / (0.05 + np.maximum(*deviation))
-        turn = np.abs(np.angle(np.exp(1j * (one.motions.heading - others.motions.heading))))
-        return np.asarray((apart < APART) & (turn < 0.8))
-
-    def _cold_starts(self, means: BinnedBearings, point: int) -> Motions:
-        """Straight lines through the bearings at each of the starting ranges."""
-        times = means.times - self._now
-        count = len(self._starts)
-        places = means.own_positions - self._own + self._starts[:, None, None] * means.bearings
-        weights = np.sqrt(means.counts) * np.exp(times / 20.0)
-        design = np.stack([np.ones_like(times), times], axis=-1) * weights[:, None]
-        velocity = np.zeros((count, self.dimension))
-        if len(times) > 2:
-            rows = (weights[:, None] * places.transpose(1, 0, 2).reshape(len(times), -1)).reshape(len(times), -1)
-            velocity = np.linalg.lstsq(design, rows, rcond=None)[0][1].reshape(count, self.dimension)
-        direction = np.tile(means.bearings[-1], (count, 1))
-        return self._shape.begin(np.full(count, point, dtype=np.intp), self._starts, direction, velocity)
 
     def _sightings(self, means: BinnedBearings, motions: Motions) -> Sightings:
         times, own = means.times - self._now, means.own_positions - self._own
@@ -274,7 +229,7 @@ class MotionShapeTracker:
         assert self._first is not None, "there is a bearing"
         if known is None and self._position.known is not None and means.times[0] <= self._first + self.bins.width:
             position, spread = self._position.known
-            known = Known(np.array([self._first]), position[None], _root(spread))
+            known = Known(np.array([self._first]), position[None], whitening(spread))
         seen = None if known is None else known.seen_from(self._now, self._own)
         return Sightings(times, means.bearings, own, root, log_determinant, seen)
 
@@ -286,25 +241,6 @@ class MotionShapeTracker:
         if not self._trail or self._trail[0][0] > begins + 1e-9 or self._trail[0][1].times[-1] < self._now - self._span:
             return None
         return self._trail[0][1]
-
-    def _keep_distinct(self) -> None:
-        """Keep the likeliest hypotheses that are not the same motion twice."""
-        found = self._fit
-        assert found is not None
-        names = np.unique(self._labels)
-        totals = np.array([_log_mean(found.log_evidence[self._labels == name]) for name in names])
-        kept: list[int] = []
-        best: list[int] = []
-        for one in np.argsort(-totals):
-            if len(kept) == self._most or totals[one] < totals.max() + UNLIKELY:
-                break
-            mine = np.flatnonzero(self._labels == names[one])
-            top = int(mine[np.argmax(found.log_evidence[mine])])
-            if not np.any(self._same(found[np.array([top])], found[np.array(best, dtype=np.intp)])):
-                kept.append(int(names[one]))
-                best.append(top)
-        keep = np.isin(self._labels, kept)
-        self._fit, self._labels = found[keep], _renumbered(self._labels[keep])
 
     def _check(self) -> None:
         """Reset test: bearings that no motion of the prior explains mean that the track is lost."""
@@ -338,7 +274,7 @@ class MotionShapeTracker:
         """Logarithm of the density of the mean bearings in the window, in angles, averaged over the grid."""
         if self._fit is None:
             return 0.0
-        return _log_mean(self._fit.log_evidence) + float(np.log(np.max(self._labels) + 1.0))
+        return log_mean(self._fit.log_evidence) + float(np.log(np.max(self._labels) + 1.0))
 
     @property
     def hypotheses(self) -> list[Hypothesis]:
@@ -371,7 +307,6 @@ class MotionShapeTracker:
         return self.range_std_over_range < RANGE_OBSERVABLE
 
     def _moments_ahead(self, horizon: float) -> Moments:
-        assert self._fit is not None
         self._asked = max(self._asked, horizon)
         if self._ahead is None or self._ahead.times[-1] < horizon - 1e-9:
             # as far as it was asked for after the last estimate, or well beyond what was asked for after this one
@@ -382,9 +317,8 @@ class MotionShapeTracker:
 
     def _likely(self) -> tuple[Fit, Array]:
         assert self._fit is not None
-        weights = self.weights
-        likely = weights > np.exp(UNLIKELY)
-        return self._fit[likely], weights[likely] / weights[likely].sum()
+        likely = self.weights > np.exp(UNLIKELY)
+        return self._fit[likely], self.weights[likely] / self.weights[likely].sum()
 
     def predict(self, times: ArrayLike) -> Forecast:
         """Posterior mean ``(K, d)`` and covariance ``(K, d, d)`` at the times ``(K,)`` in seconds.
@@ -414,19 +348,3 @@ class MotionShapeTracker:
         p = self._prior.range
         second = p.median**2 * np.exp(2.0 * p.log_std**2) / self.dimension
         return Forecast(np.tile(self._own, (count, 1)), np.tile(second * np.eye(self.dimension), (count, 1, 1)))
-
-
-def _root(covariance: Array) -> Array:
-    """A matrix A ``(d, d)`` with ``AᵀA`` the inverse of a covariance."""
-    values, axes = np.linalg.eigh(covariance)
-    return np.asarray((axes / np.sqrt(values)).T)
-
-
-def _log_mean(values: Array) -> float:
-    """Logarithm of the mean of the exponentials."""
-    largest = float(np.max(values))
-    return largest + float(np.log(np.mean(np.exp(values - largest))))
-
-
-def _renumbered(labels: NDArray[np.intp]) -> NDArray[np.intp]:
-    return np.asarray(np.unique(labels, return_inverse=True)[1], dtype=np.intp)
