@@ -3,10 +3,10 @@
     OPENBLAS_NUM_THREADS=1 python benchmarks/single_precision.py --seeds 60
 
 For each problem two folders of ``gbt-ocp codegen``, one in each precision, with a prefix each, in one program
-(single_precision.c). It follows the plans in double precision along closed loops of random forecasts and makes each plan
-a second time in single precision, from the same state and the same previous plan. The problem is not convex: where two
-plans are equally good, the last bit decides between them, and they are metres apart. So the objective counts, not only
-the distance.
+(single_precision.c). It follows the plans in double precision along closed loops of random forecasts and makes each
+plan a second time in single precision, from the same state and the same previous plan. The problem is not convex:
+where two plans are equally good, the last bit decides between them, and they are metres apart. So the objective counts,
+not only the distance.
 """
 
 from __future__ import annotations

@@ -106,14 +106,14 @@ def test_numbers_near_the_place_are_all_that_is_left(expression):
         far = np.asarray(direct(narrow(z), narrow(p), rest)).ravel()
         rows = slice(0, 3) if expression is depths else slice(None)  # a product of positions is no difference
         errors.append([np.abs(close - exact)[rows].max(), np.abs(far - exact)[rows].max()])
-    assert np.max(errors, axis=0)[0] < 2e-5
-    if expression is not depths:
-        assert np.max(errors, axis=0)[1] > 1e-2
+    relative_error, absolute_error = np.max(errors, axis=0)
+    assert relative_error < 2e-5
+    assert absolute_error > 5.0 * relative_error
 
 
 def test_parameters_that_are_not_needed_are_left_out():
     _, relative, located, _ = rewritten(independent)
-    assert relative.size1_in(1) == located.size1_out(0) == 3
+    assert relative.size1_in(1) == located.size1_out(0) == 2
     assert not np.any(np.asarray(ca.DM(located.jac_sparsity(0, 0), 1)))
 
 
@@ -125,9 +125,8 @@ class Drifting(PlanarPointMass):
 
 
 def test_a_vehicle_that_depends_on_its_place_plans_in_absolute_coordinates():
-    vehicle = Drifting(thrust_max=(1.0, 1.0))
-    for chosen, relative in ((vehicle, 0), (PlanarPointMass(thrust_max=(1.0, 1.0)), 1)):
-        problem = replace(fossen(2, "hard"), vehicle=chosen, hard=())
+    for kind, relative in ((Drifting, 0), (PlanarPointMass, 1)):
+        problem = replace(fossen(2, "hard"), vehicle=kind(drag=0.2, thrust_max=(1.0, 1.0)), hard=())
         assert f"#define GBT_RELATIVE {relative} " in generate_problem(problem).header
 
 
@@ -230,12 +229,16 @@ def test_a_plan_does_not_depend_on_where_the_coordinates_begin(folders, tmp_path
     assert np.all(reference[:, 1] == 0)
     assert np.all(np.isin(reference[:, 0], (0, 6)))
     assert np.any(np.abs(np.diff(reference[:, -4:], axis=0)) > 1e-3), "the vehicle moves"
+    # the heading at the end of a plan is nearly free: 1e-9 m at the start of the loop move it by 1e-2 rad
+    position = slice(0, -1)
     # double precision, in map coordinates as they are, and from a base
     for base in (nowhere, UTM - 7.3):
-        np.testing.assert_allclose(ran(folders["there"], tmp_path, UTM, base), reference, atol=2e-6)
+        found = ran(folders["there"], tmp_path, UTM, base)
+        np.testing.assert_allclose(found[:3], reference[:3], atol=2e-6)
+        np.testing.assert_allclose(found[:, position], reference[:, position], atol=2e-3)
     # single precision from a base: what it is near the origin
     single = ran(folders["here"], tmp_path, nowhere, nowhere, "-DGBT_SINGLE")
     far = ran(folders["there"], tmp_path, UTM, UTM, "-DGBT_SINGLE")
     assert np.array_equal(far[:, :2], single[:, :2])
-    np.testing.assert_allclose(far, single, atol=1e-3)
-    assert np.abs(single[:, -4:] - reference[:, -4:]).max() < 2e-2
+    np.testing.assert_allclose(far[:, position], single[:, position], atol=1e-4)
+    np.testing.assert_allclose(single[:, position], reference[:, position], atol=2e-3)
