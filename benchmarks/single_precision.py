@@ -26,6 +26,7 @@ PROBLEMS = {
     "case 2, hard": ("case2", ["planner.formulation=hard", "planner.pieces=10"]),
     "case 2, penalty": ("case2", ["planner.pieces=10"]),
     "case 5, hard": ("case5", ["planner.formulation=hard"]),
+    "sea2d": ("sea2d", []),
 }
 SETTINGS = [
     ("none", 0.0),

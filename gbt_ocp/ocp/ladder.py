@@ -20,6 +20,9 @@ from gbt_ocp.typing import Array
 TIGHTENINGS = 4
 """How often limits may be tightened in one attempt."""
 
+ASIDE = 1.0e-3
+"""Thrust to one side where a cold solve begins, as a share of the full thrust."""
+
 FEASIBILITY = 1.0e-6
 """Limits besides thrust count as kept up to this, in their units."""
 
@@ -199,8 +202,14 @@ class Ladder:
 
 
 def cold_guess(problem: ProblemData, start: Array) -> Array:
-    """Coasting, u ``(p, freedoms)``: constant velocity, higher derivatives brought to zero within the first piece."""
+    """Where a cold solve begins, u ``(p, freedoms)``: constant velocity, and a little thrust to one side.
+
+    From a start that is symmetric, as dead ahead of an obstacle, Newton's steps are so too, and may end on a ridge
+    between two plans. Higher derivatives are brought to zero within the first piece. The generated C has the same
+    (``gbt_coast``).
+    """
     guess, n = np.zeros((problem.pieces, problem.freedoms)), start.shape[1]
+    guess[:, :n] = ASIDE / np.sqrt(np.arange(1, n + 1))
     if problem.joined > 2:
-        guess[0, :n] = -start[-1] / problem.period / input_scale(problem)[:n]
+        guess[0, :n] -= start[-1] / problem.period / input_scale(problem)[:n]
     return guess

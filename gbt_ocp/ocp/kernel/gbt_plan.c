@@ -50,13 +50,11 @@ static void shift(const gbt_planner *planner, gbt_real top[GBT_PIECES][GBT_FREE]
         for (int a = 0; a < GBT_FREE; a++) top[i][a] = i + 1 < GBT_PIECES ? planner->previous[i + 1][a] : 0;
 }
 
-/* Constant velocity, a higher derivative brought to zero within the first piece. */
+/* Where a cold start begins. */
 static void coast(const gbt_real *state, gbt_real top[GBT_PIECES][GBT_FREE])
 {
-    for (int i = 0; i < GBT_PIECES; i++)
-        for (int a = 0; a < GBT_FREE; a++)
-            top[i][a] =
-                i == 0 && a < GBT_FLAT && GBT_JOINED > 2 ? -state[GBT_STATE - GBT_FLAT + a % GBT_FLAT] / GBT_PERIOD : 0;
+    gbt_coast(state, GBT_ASIDE, &top[0][0]);
+    for (int k = 0; k < N; k++) top[k / GBT_FREE][k % GBT_FREE] *= gbt_input_scale[k % GBT_FREE];
 }
 
 static int keep(gbt_real from[GBT_PIECES][GBT_FREE], gbt_real to[GBT_PIECES][GBT_FREE])

@@ -48,16 +48,13 @@ static void store(gbt_workspace *work, int first, gbt_real *u)
             u[(first + i) * GBT_FREE + a] = *gbt_free(work->piece[i], a) / gbt_input_scale[a];
 }
 
-/* Constant velocity, and a little thrust to one side: a start that is symmetric about the line of sight gives steps that
-   are so too, and may creep along a ridge between two plans. An inherited acceleration, or what is inherited above it, is
-   brought to zero within the first piece. */
-static void coast_aside(const gbt_real *start, gbt_real *u)
+void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *u)
 {
     for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) u[k] = 0;
     for (int i = 0; i < GBT_PIECES; i++)
         for (int j = 0; j < GBT_FLAT; j++) {
             gbt_real *lowest = &u[i * GBT_FREE + j];
-            *lowest = ASIDE * (gbt_real)(GBT_FLAT - j) / GBT_FLAT;
+            *lowest = aside / gbt_sqrt((gbt_real)(j + 1));
             if (i == 0 && GBT_JOINED > 2) *lowest -= start[GBT_STATE - GBT_FLAT + j] / GBT_PERIOD / gbt_input_scale[j];
         }
 }
@@ -119,7 +116,7 @@ gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const 
             result->objective = -work->f;
             store(work, 0, u);
         }
-        coast_aside(start, work->guess);
+        gbt_coast(start, ASIDE, work->guess);
     } while (status > GBT_LIMIT_VIOLATED && status != GBT_GIVEN_UP && result->starts < STARTS && result->iterations < settings->deadline);
     return result->status;
 }

@@ -96,6 +96,17 @@ void gbt_default_settings(gbt_settings *settings);
 /* Size of the workspace in bytes, for callers that do not see the struct. */
 size_t gbt_workspace_bytes(void);
 
+#define GBT_ASIDE ((gbt_real)1e-3) /* of the full thrust, at a cold start */
+
+/* Constant velocity, and a little thrust to one side: from a start that is symmetric, as dead ahead of an obstacle, steps
+   are so too, and may creep along a ridge between two plans. The ratios of the thrusts are irrational, so that no axis of
+   symmetry of rational numbers is along them. An inherited acceleration, or what is inherited above it, is brought to
+   zero within the first piece.
+
+   aside    of the full thrust
+   u        out: GBT_PIECES x GBT_FREE, as of gbt_solve */
+void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *u);
+
 /* Solves one instance, in coordinates relative to an origin (gbt_places.h).
 
    start        continuous derivatives of the flat output, itself first, GBT_JOINED x GBT_FLAT
