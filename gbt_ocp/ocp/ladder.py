@@ -20,7 +20,7 @@ from gbt_ocp.typing import Array
 TIGHTENINGS = 4
 """How often limits may be tightened in one attempt."""
 
-ASIDE = 1.0e-3
+ASIDE = 1.0e-5
 """Thrust to one side where a cold solve begins, as a share of the full thrust."""
 
 FEASIBILITY = 1.0e-6

@@ -96,7 +96,7 @@ void gbt_default_settings(gbt_settings *settings);
 /* Size of the workspace in bytes, for callers that do not see the struct. */
 size_t gbt_workspace_bytes(void);
 
-#define GBT_ASIDE ((gbt_real)1e-3) /* of the full thrust, at a cold start */
+#define GBT_ASIDE ((gbt_real)1e-5) /* of the full thrust, at a cold start */
 
 /* Constant velocity, and a little thrust to one side: from a start that is symmetric, as dead ahead of an obstacle, steps
    are so too, and may creep along a ridge between two plans. The ratios of the thrusts are irrational, so that no axis of
