@@ -233,26 +233,38 @@ def with_target_limits(dimension):
     return problem.subject_to_penalty(FieldOfView(dimension, 1.0), nodes=3)
 
 
+def pointers(*arrays):
+    return [ctypes.c_void_p(values.ctypes.data) for values in arrays]
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_limits_on_the_target_are_bound_from_the_moments_as_in_python(dimension):
     problem = with_target_limits(dimension)
     library = ctypes.CDLL(str(build_library(kernel_files() | generate_problem(problem).files)))
+    sizes = {"ends": (5, library.gbt_ends_size()), "knots": (6, library.gbt_knots_size())}
     rng = np.random.default_rng(3)
     for _ in range(20):
         root = rng.normal(size=(6, dimension, dimension))
         mean, covariance = 10.0 * rng.normal(size=(6, dimension)), root @ np.swapaxes(root, 1, 2)
-        desired = rng.normal(size=(5, dimension))
+        desired, base = rng.normal(size=(5, dimension)), 1e3 * rng.normal(size=dimension)
+        origin = base + rng.normal(size=dimension)
         data = {
-            "present": SimpleNamespace(mean=mean[0], covariance=covariance[0]),
-            "forecast": SimpleNamespace(mean=mean[1:], covariance=covariance[1:]),
+            "present": SimpleNamespace(mean=base + mean[0], covariance=covariance[0]),
+            "forecast": SimpleNamespace(mean=base + mean[1:], covariance=covariance[1:]),
             "desired": desired,
         }
         binding = Binding(problem)
-        blocks = [binding.objective_parameters(data), binding.limit_parameters(data)]
-        expected = np.concatenate([np.vstack(block).T.ravel() for block in blocks])
-        found = np.empty(len(expected))
-        library.gbt_bind(*(ctypes.c_void_p(values.ctypes.data) for values in (mean, covariance, desired, found)))
-        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+        blocks = {"ends": binding.objective_parameters(data), "knots": binding.limit_parameters(data)}
+        expected = []
+        for name, block in blocks.items():
+            count, size = sizes[name]
+            numbers, parameters = np.empty(count * size), np.vstack(block).T.ravel().copy()
+            place = getattr(library, f"gbt_place_{name}")
+            place(*pointers(origin, parameters), count, *pointers(numbers))
+            expected.append(numbers)
+        found = np.empty(sum(count * size for count, size in sizes.values()))
+        library.gbt_bind(*pointers(base, origin, mean, covariance, desired, found))
+        np.testing.assert_allclose(found, np.concatenate(expected), rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("dimension", [pytest.param(2, marks=pytest.mark.slow), 3])

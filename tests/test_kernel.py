@@ -35,8 +35,7 @@ def checks(request):
     library = ctypes.CDLL(str(build_library(kernel_files() | generate_problem(problem).files | own)))
     for name in ("check_gradient", "check_hessian", "check_step"):
         getattr(library, name).restype = ctypes.c_double
-    size = sum(rows * columns for term in problem.objectives for rows, columns in term.shapes.values())
-    parameters = np.random.default_rng(1).normal(size=(problem.pieces, size))
+    parameters = np.random.default_rng(1).normal(size=library.check_numbers())
 
     def check(name: str, seed: int) -> float:
         return getattr(library, name)(seed, ctypes.c_void_p(parameters.ctypes.data))

@@ -77,7 +77,7 @@ def test_a_solved_step_is_the_solvers_trajectory_and_the_next_starts_from_its_re
     first = planner.solve(MOVING, **numbers())
     assert (first.status, first.fallback, first.solved, first.iterations, first.tightened) == ("solved", "", True, 3, 0)
     np.testing.assert_allclose(first.trajectory.top, FINE * input_scale(posed()))
-    np.testing.assert_array_equal(script.asked[0]["guess"], 0.0)
+    np.testing.assert_array_equal(script.asked[0]["guess"], planner.cold_guess(MOVING))
     assert script.asked[0]["cold"]
     planner.solve(follow(first), **numbers())
     np.testing.assert_allclose(script.asked[1]["guess"], np.vstack([FINE[1:], np.zeros((1, 3))]))
@@ -122,7 +122,7 @@ def test_where_the_rest_breaks_the_limits_a_cold_solve_comes_next(variables):
     assert (second.status, second.fallback, second.iterations) == ("first", "cold", 12)
     np.testing.assert_allclose(second.trajectory.top, -FINE * input_scale(posed()))
     assert script.asked[2]["cold"]
-    np.testing.assert_array_equal(script.asked[2]["guess"], 0.0)
+    np.testing.assert_array_equal(script.asked[2]["guess"], planner.cold_guess(MOVING))
     third = planner.solve(follow(second), **numbers())
     assert third.solved
     np.testing.assert_allclose(script.asked[3]["guess"], np.vstack([-FINE[1:], np.zeros((1, 3))]))
@@ -164,7 +164,7 @@ def test_reset_forgets():
     planner.reset()
     planner.solve(MOVING, **numbers())
     assert script.asked[1]["cold"]
-    np.testing.assert_array_equal(script.asked[1]["guess"], 0.0)
+    np.testing.assert_array_equal(script.asked[1]["guess"], planner.cold_guess(MOVING))
 
 
 def just_over(excess):

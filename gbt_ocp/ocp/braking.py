@@ -18,6 +18,9 @@ BRAKING_POINTS = 11
 ROUNDS = 20
 """Rounds of projections over these points, at most."""
 
+PROGRESS = 1.0e-4
+"""By which a round has to be better, in units of the limits: rounding must not decide what follows."""
+
 INSIDE = 0.998
 """Share of the limits that a projection leads to: between the points thrust may bulge a little."""
 
@@ -78,7 +81,7 @@ class BrakingPlanner:
         best, least, share = free, np.inf, 1.0
         for _ in range(ROUNDS):
             excess = max(self._excess(knot, free, k) for k in self._points)
-            if excess < least:
+            if excess <= 0.0 or excess < least - PROGRESS:
                 best, least = free.copy(), excess
             else:
                 share *= 0.5

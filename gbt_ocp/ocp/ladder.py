@@ -20,6 +20,9 @@ from gbt_ocp.typing import Array
 TIGHTENINGS = 4
 """How often limits may be tightened in one attempt."""
 
+ASIDE = 1.0e-5
+"""Thrust to one side where a cold solve begins, as a share of the full thrust."""
+
 FEASIBILITY = 1.0e-6
 """Limits besides thrust count as kept up to this, in their units."""
 
@@ -199,9 +202,14 @@ class Ladder:
 
 
 def cold_guess(problem: ProblemData, start: Array) -> Array:
-    """Coasting, u ``(p, freedoms)``: constant velocity, inherited derivatives above it brought to zero at once."""
+    """Where a cold solve begins, u ``(p, freedoms)``: constant velocity, and a little thrust to one side.
+
+    From a start that is symmetric, as dead ahead of an obstacle, Newton's steps are so too, and may end on a ridge
+    between two plans. Inherited accelerations settle there. The generated C has the same (``gbt_coast``).
+    """
     top, n, knot = np.zeros((problem.pieces, problem.freedoms)), start.shape[1], start
+    aside = ASIDE / np.sqrt(np.arange(1, n + 1)) * problem.vehicle.acceleration_scale
     for piece in top:
-        piece[:n] = settling(knot, 2, np.zeros(n), problem.period)
+        piece[:n] = settling(knot, 2, aside, problem.period)
         knot = FlatTrajectory(problem.period, knot, piece[None]).knots[1]
     return top / input_scale(problem)

@@ -14,7 +14,7 @@ from gbt_ocp.ocp.ladder import Ladder, cold_guess
 from gbt_ocp.ocp.limit_classes import limit_names
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.problem_data import ProblemData
-from gbt_ocp.ocp.solvers.base import PlansSteps, Solver
+from gbt_ocp.ocp.solvers.base import NO_PLAN, PlansSteps, Solver
 from gbt_ocp.ocp.solvers.choice import make_solver
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import objective_total
@@ -104,7 +104,7 @@ class Planner:
         Raises
         ------
         ValueError
-            If the state or the data do not fit or are not finite.
+            If the state or the data do not fit, are not finite, or are so large that no plan is.
         """
         began = perf_counter()
         start = np.asarray(state, dtype=float)
@@ -116,6 +116,8 @@ class Planner:
         limits = self._binding.limit_parameters(given)
         previous = None if self._previous is None else self._previous.top
         step = self._steps.plan(start, parameters, limits, previous, given)
+        if step.fallback == NO_PLAN:
+            raise ValueError("state or data: found numbers so large that no plan is finite; allowed: smaller ones")
         trajectory = FlatTrajectory(self.problem.period, start, step.top)
         self._previous = trajectory
         return Plan(

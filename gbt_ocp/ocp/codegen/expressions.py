@@ -20,7 +20,7 @@ ARGUMENTS = 3
 """Every C function takes as many inputs, so that all have one type."""
 
 
-CONSTANTS = {"casadi_inf": "(gbt_real)INFINITY", "casadi_nan": "(gbt_real)NAN"}
+CONSTANTS = {"casadi_inf": "INFINITY", "casadi_nan": "NAN"}
 """CasADi's names for what C99 writes differently."""
 
 _NUMBER = re.compile(r"(?<![\w.])(?:\d+\.\d*|\.\d+|\d+(?=[eE]))(?:[eE][+-]?\d+)?")
@@ -36,8 +36,15 @@ def c_function(name: str, inputs: Sequence[ca.SX], output: ca.SX) -> ca.Function
     return ca.Function(name, list(inputs), [ca.densify(output)], {"cse": True})
 
 
-def c_source(functions: Sequence[ca.Function]) -> str:
+def c_source(functions: Sequence[ca.Function], real: str = "gbt_real") -> str:
     """Definitions ``void NAME(const gbt_real *x0, …, gbt_real *out)``, static unless the name begins with ``gbt_``.
+
+    Parameters
+    ----------
+    functions
+        Of :func:`c_function`.
+    real
+        The type of all numbers, ``gbt_real`` or ``double``.
 
     Raises
     ------
@@ -58,8 +65,8 @@ def c_source(functions: Sequence[ca.Function]) -> str:
     bodies = [_body(text, function.name()) for function in functions]
     for function, body in zip(functions, bodies, strict=True):
         _refuse_unknown(function.name(), body, operators)
-    parts = [_plain(definition) for definition in operators.values()]
-    parts += [_definition(function.name(), body) for function, body in zip(functions, bodies, strict=True)]
+    parts = [_plain(definition, real) for definition in operators.values()]
+    parts += [_definition(function.name(), body, real) for function, body in zip(functions, bodies, strict=True)]
     return "\n".join(parts)
 
 
@@ -98,18 +105,20 @@ def _refuse_unknown(name: str, body: str, operators: Mapping[str, str]) -> None:
         )
 
 
-def _definition(name: str, body: str) -> str:
+def _definition(name: str, body: str, real: str) -> str:
     inputs = [f"x{i}" for i in range(ARGUMENTS)]
     idle = "".join(f"  (void){x};\n" for x in (*inputs, "out") if not re.search(rf"\b{x}\[", body))
-    arguments = ", ".join(f"const gbt_real *{x}" for x in inputs)
+    arguments = ", ".join(f"const {real} *{x}" for x in inputs)
     kind = "" if name.startswith("gbt_") else "static "
-    return f"{kind}void {name}({arguments}, gbt_real *out)\n{{{_plain(body).rstrip()}\n{idle}}}\n"
+    return f"{kind}void {name}({arguments}, {real} *out)\n{{{_plain(body, real).rstrip()}\n{idle}}}\n"
 
 
-def _plain(text: str) -> str:
+def _plain(text: str, real: str) -> str:
     for name, value in CONSTANTS.items():
-        text = re.sub(rf"\b{name}\b", value, text)
-    text = text.replace("casadi_real", "gbt_real").replace("casadi_int", "int")
+        text = re.sub(rf"\b{name}\b", f"({real}){value}", text)
+    text = text.replace("casadi_real", real).replace("casadi_int", "int")
+    if real == "double":  # beside the operators of the other precision
+        return re.sub(r"\bcasadi_", "double_", text)
     return _NUMBER.sub(r"(gbt_real)\g<0>", _math().sub(r"gbt_\1(", text))
 
 

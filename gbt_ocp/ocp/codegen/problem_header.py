@@ -14,8 +14,11 @@ GBT_BEGIN_C
 #define GBT_JOINED {joined}            /* derivatives 0 .. that a piece takes over from the one before */
 #define GBT_PIECES {pieces}            /* p, pieces of the trajectory */
 #define GBT_PERIOD ((gbt_real){period}) /* T, length of a piece in seconds */
-#define GBT_PARAMETERS {parameters}       /* numbers that the objective needs at each endpoint */
-#define GBT_MOVING {moving}           /* numbers that the path constraints need at each time */
+#define GBT_PARAMETERS {parameters}       /* parameters of the objective at each endpoint */
+#define GBT_MOVING {moving}           /* parameters of the path constraints at each boundary of pieces */
+#define GBT_END_NUMBERS {ends}       /* what becomes of them in coordinates relative to the start of the plan */
+#define GBT_KNOT_NUMBERS {knots}      /* and of those of the constraints */
+#define GBT_RELATIVE {relative}         /* 0 where the vehicle's dynamics depend on its place: all is absolute then */
 #define GBT_LIMITS {limits}            /* path constraints */
 #define GBT_COUNT {count}           /* bounds at all nodes: "sides" */
 #define GBT_SIDES {sides}           /* the same, at least 1: for arrays */
@@ -39,9 +42,9 @@ typedef enum {{ GBT_THRUST, GBT_CERTAIN, GBT_BELIEVED }} gbt_limit_class;
 typedef void (*gbt_function)(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *out);
 
 typedef struct {{
-    gbt_function value;    /* (point, parameters) -> term of the objective, to be maximised */
-    gbt_function gradient; /* (point, parameters) -> all entries */
-    gbt_function hessian;  /* (point, parameters, weight) -> nonzeros of the lower triangle, times the weight */
+    gbt_function value;    /* (point, numbers) -> term of the objective, to be maximised */
+    gbt_function gradient; /* (point, numbers) -> all entries */
+    gbt_function hessian;  /* (point, numbers, weight) -> nonzeros of the lower triangle, times the weight */
     int hessian_entries;
     const int *hessian_row, *hessian_column;
 }} gbt_objective_functions;
@@ -57,7 +60,7 @@ typedef struct {{
     const gbt_real *edge;            /* which may lie within the true limit, */
     const gbt_real *weight, *width;  /* the weight of a hard limit's class, or that of a penalty at an inner node and
                                         its half width */
-    gbt_function value;              /* (place) -> values; a place is a point and the GBT_MOVING numbers */
+    gbt_function value;              /* (place) -> values; a place is a point and GBT_KNOT_NUMBERS numbers */
     gbt_function jacobian;           /* (place) -> nonzeros */
     gbt_function curvature;          /* (place, first, second) -> Hessian of first'value + J' diag(second) J */
     int jacobian_entries;
@@ -76,13 +79,17 @@ extern const gbt_real gbt_thrust_max[GBT_INPUTS];
 void gbt_vehicle_inputs(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *inputs);
 /* The acceleration under a thrust, from z and its rate. */
 void gbt_vehicle_acceleration(const gbt_real *z, const gbt_real *dz, const gbt_real *inputs, gbt_real *ddz);
+/* The numbers of the objective at an endpoint and of the path constraints at a boundary of the pieces, relative to an
+   origin, from their parameters; see gbt_places.h. */
+void gbt_end_numbers(const double *origin, const double *parameters, const double *third, double *numbers);
+void gbt_knot_numbers(const double *origin, const double *moving, const double *third, double *numbers);
 #if GBT_MOMENTS
 /* Parameters of the objective at an endpoint, from mean, symmetric root of the covariance and desired bearing. */
-void gbt_prepare(const gbt_real *mean, const gbt_real *root, const gbt_real *desired, gbt_real *parameters);
+void gbt_prepare(const double *mean, const double *root, const double *desired, double *parameters);
 #if GBT_PRESENT
-/* Numbers of the path constraints at a boundary of the pieces, from mean and covariance there and the covariance at the
-   beginning of the plan. */
-void gbt_prepare_limits(const gbt_real *mean, const gbt_real *covariance, const gbt_real *present, gbt_real *moving);
+/* Parameters of the path constraints at a boundary of the pieces, from mean and covariance there and the covariance at
+   the beginning of the plan. */
+void gbt_prepare_limits(const double *mean, const double *covariance, const double *present, double *moving);
 #endif
 #endif
 

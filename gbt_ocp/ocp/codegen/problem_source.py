@@ -10,10 +10,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from gbt_ocp.models.vehicles import acceleration
+from gbt_ocp.models.vehicles import Vehicle, acceleration
 from gbt_ocp.ocp.check import FINE_POINTS
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_array, c_function, c_source
 from gbt_ocp.ocp.codegen.options import CompiledOptions
+from gbt_ocp.ocp.codegen.places import Placed, placed
 from gbt_ocp.ocp.codegen.problem_header import HEADER
 from gbt_ocp.ocp.limit_classes import hard_weights, limit_class, limit_names
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, ProblemData
@@ -27,6 +28,7 @@ from gbt_ocp.ocp.transcription import (
     stacked_size,
     unstacked,
 )
+from gbt_ocp.typing import Array
 
 
 @dataclass(frozen=True)
@@ -72,12 +74,15 @@ def generate_problem(problem: ProblemData, options: CompiledOptions | None = Non
         If an expression cannot be written as C.
     """
     size = problem.vehicle.flat_dimension
-    parameters = sum(stacked_size(term.shapes) for term in problem.objectives)
-    objective_functions, objective_text, hessian_entries = _objective(problem, parameters)
+    d = problem.vehicle.position_dimension
+    point, origin = ca.SX.sym("point", 3 * size), ca.SX.sym("origin", d)
+    parameters = ca.SX.sym("p", sum(stacked_size(term.shapes) for term in problem.objectives))
+    objective = _placed_objective(problem, point, parameters, origin)
+    objective_functions, objective_text, hessian_entries = _objective(point, objective)
     imposed: list[HardLimit | PenaltyLimit] = [*problem.hard, *problem.penalties]
-    sizes = [limit_size(limit.constraint) for limit in imposed]
-    moving = sum(sizes)
-    limits = [_limit(problem, number, limit, moving, sum(sizes[:number])) for number, limit in enumerate(imposed)]
+    moving = ca.SX.sym("moving", sum(limit_size(limit.constraint) for limit in imposed))
+    places = _placed_limits(problem, point, moving, origin)
+    limits = [_limit(problem, number, limit, _in_place(point, places, number)) for number, limit in enumerate(imposed)]
     per_piece = [limit.nodes * problem.pieces for limit in limits]
     sides = sum(count * limit.sides for count, limit in zip(per_piece, limits, strict=True))
     jacobians = sum(count * limit.jacobian_entries for count, limit in zip(per_piece, limits, strict=True))
@@ -88,8 +93,11 @@ def generate_problem(problem: ProblemData, options: CompiledOptions | None = Non
         joined=problem.joined,
         pieces=problem.pieces,
         period=repr(float(problem.period)),
-        parameters=parameters,
-        moving=moving,
+        parameters=parameters.numel(),
+        moving=moving.numel(),
+        ends=objective.numbers.numel(),
+        knots=sum(form.numbers.numel() for form in places),
+        relative=int(not _depends_on_place(problem.vehicle)),
         limits=len(limits),
         count=sides,
         sides=max(sides, 1),
@@ -99,16 +107,23 @@ def generate_problem(problem: ProblemData, options: CompiledOptions | None = Non
         inputs=len(problem.vehicle.thrust_max),
         fine=FINE_POINTS,
         moments=int(from_moments(problem)),
-        present=int(from_moments(problem) and moving > 0),
+        present=int(from_moments(problem) and moving.numel() > 0),
         settings=(options or CompiledOptions.checked({}, problem.pieces)).initialiser(),
     )
     functions = [*objective_functions, *(function for limit in limits for function in limit.functions)]
-    functions += _published(problem)
+    functions += _of_vehicle(problem.vehicle)
+    located = ca.vertcat(ca.SX(0, 1), *(form.located for form in places))
+    wide = [
+        c_function("gbt_end_numbers", [origin, parameters], objective.located),
+        c_function("gbt_knot_numbers", [origin, moving], located),
+        *_of_moments(problem),
+    ]
     table = ",\n".join(limit.definition for limit in limits) or "    {0}"
     source = "\n".join(
         [
             '#include "gbt_problem.h"\n\n#include "gbt_math.h"\n',
             c_source(functions),
+            c_source(wide, "double"),
             c_array("gbt_real", "gbt_input_scale", input_scale(problem), const="const"),
             c_array("gbt_real", "gbt_acceleration_scale", problem.vehicle.acceleration_scale, const="const"),
             c_array("gbt_real", "gbt_thrust_max", problem.vehicle.thrust_max, const="const"),
@@ -130,30 +145,42 @@ def from_moments(problem: ProblemData) -> bool:
     )
 
 
-def _published(problem: ProblemData) -> list[ca.Function]:
-    """What the planner around the solver needs: the vehicle, and the parameters of the objective."""
-    size, d = problem.vehicle.flat_dimension, problem.vehicle.position_dimension
+def _of_vehicle(vehicle: Vehicle) -> list[ca.Function]:
+    """Thrust and acceleration, which the planner around the solver needs."""
+    size = vehicle.flat_dimension
     point, z, dz = ca.SX.sym("point", 3 * size), ca.SX.sym("z", size), ca.SX.sym("dz", size)
-    thrust = ca.SX.sym("thrust", len(problem.vehicle.thrust_max))
-    functions = [
-        c_function("gbt_vehicle_inputs", [point], problem.vehicle.inputs(*_split(point, size))),
-        c_function("gbt_vehicle_acceleration", [z, dz, thrust], acceleration(problem.vehicle, z, dz, thrust)),
+    thrust = ca.SX.sym("thrust", len(vehicle.thrust_max))
+    return [
+        c_function("gbt_vehicle_inputs", [point], vehicle.inputs(*_split(point, size))),
+        c_function("gbt_vehicle_acceleration", [z, dz, thrust], acceleration(vehicle, z, dz, thrust)),
     ]
-    if from_moments(problem):
-        mean, root, desired = ca.SX.sym("mean", d), ca.SX.sym("root", d, d), ca.SX.sym("desired", d)
-        stacked = [ca.SX(0, 1)]
-        for term in problem.objectives:
-            if isinstance(term, FromMoments):
-                values = term.from_moments(mean, root, desired)
-                stacked += [ca.vec(ca.densify(values[name])) for name in term.shapes]
-        functions.append(c_function("gbt_prepare", [mean, root, desired], ca.vertcat(*stacked)))
-        covariance, present, numbers = ca.SX.sym("covariance", d, d), ca.SX.sym("present", d, d), []
-        for constraint in problem.constraints:
-            if isinstance(constraint, LimitFromMoments):
-                values = constraint.at_knot(mean, covariance, present)
-                numbers += [ca.vec(ca.densify(values[name])) for name in constraint.shapes]
-        if numbers:
-            functions.append(c_function("gbt_prepare_limits", [mean, covariance, present], ca.vertcat(*numbers)))
+
+
+def _depends_on_place(vehicle: Vehicle) -> bool:
+    """Whether the dynamics depend on the position, as in a current that differs from place to place."""
+    z, dz, ddz = (ca.SX.sym(name, vehicle.flat_dimension) for name in ("z", "dz", "ddz"))
+    return bool(ca.depends_on(ca.vertcat(vehicle.inputs(z, dz, ddz)), z[: vehicle.position_dimension]))
+
+
+def _of_moments(problem: ProblemData) -> list[ca.Function]:
+    """The parameters from the moments of a forecast, where these are all that is needed."""
+    if not from_moments(problem):
+        return []
+    d = problem.vehicle.position_dimension
+    mean, root, desired = ca.SX.sym("mean", d), ca.SX.sym("root", d, d), ca.SX.sym("desired", d)
+    stacked = [ca.SX(0, 1)]
+    for term in problem.objectives:
+        if isinstance(term, FromMoments):
+            values = term.from_moments(mean, root, desired)
+            stacked += [ca.vec(ca.densify(values[name])) for name in term.shapes]
+    functions = [c_function("gbt_prepare", [mean, root, desired], ca.vertcat(*stacked))]
+    covariance, present, numbers = ca.SX.sym("covariance", d, d), ca.SX.sym("present", d, d), []
+    for constraint in problem.constraints:
+        if isinstance(constraint, LimitFromMoments):
+            values = constraint.at_knot(mean, covariance, present)
+            numbers += [ca.vec(ca.densify(values[name])) for name in constraint.shapes]
+    if numbers:
+        functions.append(c_function("gbt_prepare_limits", [mean, covariance, present], ca.vertcat(*numbers)))
     return functions
 
 
@@ -167,9 +194,9 @@ def _nonzeros(matrix: ca.SX) -> tuple[ca.SX, list[int], list[int]]:
     return values, list(rows), list(columns)
 
 
-def _objective(problem: ProblemData, parameters: int) -> tuple[list[ca.Function], str, int]:
-    size = problem.vehicle.flat_dimension
-    point, stacked, weight = ca.SX.sym("point", 3 * size), ca.SX.sym("p", parameters), ca.SX.sym("weight")
+def _placed_objective(problem: ProblemData, point: ca.SX, parameters: ca.SX, origin: ca.SX) -> Placed:
+    """The objective at an endpoint."""
+    size, d = problem.vehicle.flat_dimension, problem.vehicle.position_dimension
     value, offset = ca.SX(0), 0
     for term in problem.objectives:
         if isinstance(term, JointObjective):
@@ -177,8 +204,13 @@ def _objective(problem: ProblemData, parameters: int) -> tuple[list[ca.Function]
                 f"planner.solver: found compiled, which takes sums over the endpoints of a plan; allowed: ipopt, since "
                 f"the objective {type(term).__name__} couples them"
             )
-        value += term.value(_split(point, size), unstacked(term.shapes, stacked[offset:]))
+        value += term.value(_split(point, size), unstacked(term.shapes, parameters[offset:]))
         offset += stacked_size(term.shapes)
+    return placed(value, point[:d], parameters, point[d:], origin)
+
+
+def _objective(point: ca.SX, objective: Placed) -> tuple[list[ca.Function], str, int]:
+    stacked, value, weight = objective.numbers, objective.value, ca.SX.sym("weight")
     gradient = ca.gradient(value, point)
     hessian, rows_, columns_ = _nonzeros(ca.tril(ca.hessian(weight * value, point)[0]))
     functions = [
@@ -197,23 +229,51 @@ def _objective(problem: ProblemData, parameters: int) -> tuple[list[ca.Function]
     return functions, text, len(rows_)
 
 
-def _sides(constraint: Constraint) -> list[tuple[int, float, float, float]]:
-    """(row, sign, bound for the solver, true bound) of every finite bound, in units of the limit."""
+def _sides(constraint: Constraint, shift: Array) -> list[tuple[int, float, float, float]]:
+    """(row, sign, bound for the solver, true bound) of every finite bound, in units of the limit and less the shift."""
     found = []
     for bounds, sign in ((constraint.upper, 1.0), (constraint.lower, -1.0)):
         for row in np.flatnonzero(np.isfinite(bounds)).tolist():
-            edge, scale = sign * bounds[row], constraint.scale[row]
-            found.append((row, sign, float((edge - constraint.backoff[row]) / scale), float(edge / scale)))
+            scale = constraint.scale[row]
+            edge = sign * (bounds[row] / scale - shift[row])
+            found.append((row, sign, float(edge - constraint.backoff[row] / scale), float(edge)))
     return found
 
 
-def _limit(problem: ProblemData, number: int, limit: HardLimit | PenaltyLimit, moving: int, offset: int) -> _Limit:
+def _placed_limits(problem: ProblemData, point: ca.SX, moving: ca.SX, origin: ca.SX) -> list[Placed]:
+    """The values of each constraint in units of its limits, less a bound where they are sums of coordinates."""
+    size, d = problem.vehicle.flat_dimension, problem.vehicle.position_dimension
+    found, offset = [], 0
+    for constraint in problem.constraints:
+        own = moving[offset : offset + limit_size(constraint)]
+        offset += limit_size(constraint)
+        value = ca.SX(ca.vertcat(constraint_value(constraint, _split(point, size), own))) / ca.DM(constraint.scale)
+        bound = np.where(np.isfinite(constraint.upper), constraint.upper, constraint.lower) / constraint.scale
+        found.append(placed(value, point[:d], own, point[d:], origin, bound))
+    return found
+
+
+@dataclass(frozen=True)
+class _Form:
+    """The values of a constraint of a place: a point and the numbers of all constraints."""
+
+    value: ca.SX
+    place: ca.SX
+    shift: Array
+
+
+def _in_place(point: ca.SX, forms: Sequence[Placed], number: int) -> _Form:
+    counts = [form.numbers.numel() for form in forms]
+    place = ca.SX.sym("place", point.numel() + sum(counts))
+    first = point.numel() + sum(counts[:number])
+    own = ca.vertcat(place[: point.numel()], place[first : first + counts[number]])
+    value = ca.substitute(forms[number].value, ca.vertcat(point, forms[number].numbers), own)
+    return _Form(value, place, forms[number].shift)
+
+
+def _limit(problem: ProblemData, number: int, limit: HardLimit | PenaltyLimit, form: _Form) -> _Limit:
     size, constraint = problem.vehicle.flat_dimension, limit.constraint
-    name = f"limit{number}"
-    place = ca.SX.sym("place", 3 * size + moving)
-    own = place[3 * size + offset : 3 * size + offset + limit_size(constraint)]
-    value = ca.SX(ca.vertcat(constraint_value(constraint, _split(place[: 3 * size], size), own)))
-    value = value / ca.DM(constraint.scale)
+    name, value, place = f"limit{number}", form.value, form.place
     first, second = ca.SX.sym("first", value.numel()), ca.SX.sym("second", value.numel())
     jacobian = ca.jacobian(value, place)[:, : 3 * size]
     curvature = ca.hessian(ca.dot(first, value), place)[0][: 3 * size, : 3 * size]
@@ -225,7 +285,7 @@ def _limit(problem: ProblemData, number: int, limit: HardLimit | PenaltyLimit, m
         c_function(f"{name}_jacobian", [place], slopes),
         c_function(f"{name}_curvature", [place, first, second], curves),
     ]
-    sides = _sides(constraint)
+    sides = _sides(constraint, form.shift)
     weights, widths = _penalty(problem, number, limit, [side[0] for side in sides])
     given = first_free_node(problem, constraint)
     begin = given if isinstance(limit, HardLimit) else 0

@@ -55,7 +55,8 @@ class Vectors:
         """As a C header."""
         parts = ["/* Generated: recorded steps of the planner. */\n", f"#define VECTORS {len(self.statuses)}\n\n"]
         for name, values in self.arrays.items():
-            parts.append(c_array("gbt_real", f"vector_{name}", values))
+            kind = "double" if name == "parameters" else "gbt_real"
+            parts.append(c_array(kind, f"vector_{name}", values))
         parts.append(c_array("int", "vector_status", self.statuses))
         return "".join(parts)
 

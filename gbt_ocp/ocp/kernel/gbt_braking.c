@@ -6,6 +6,7 @@
 #define POINTS 11 /* of a piece at which its thrust is held within the limits, both ends included */
 #define FIRST (GBT_JOINED == 2 ? 0 : 1) /* of them that the lowest free derivative moves */
 #define ROUNDS 20 /* of projections over these points, at most */
+#define PROGRESS ((gbt_real)1e-4) /* by which a round has to be better: rounding must not decide what follows */
 #define INSIDE ((gbt_real)0.998) /* share of the limits that a projection leads to: between the points thrust may bulge */
 
 /* The point of a piece with that number, and its thrust; returns by how much that exceeds its limits, at least 0. */
@@ -49,7 +50,7 @@ static gbt_real projected(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real best[GB
     for (int round = 0; round < ROUNDS; round++) {
         gbt_real worst = 0;
         for (int k = FIRST; k < POINTS; k++) worst = gbt_fmax(worst, excess(piece, k, point, thrust));
-        if (worst < least) {
+        if (worst <= 0 || worst < least - PROGRESS) {
             least = worst;
             for (int j = 0; j < GBT_FLAT; j++) best[j] = piece[GBT_JOINED][j];
         } else {

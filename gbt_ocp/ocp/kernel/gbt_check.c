@@ -56,7 +56,7 @@ void gbt_survey(const gbt_real *start, const gbt_real *top, int pieces, int poin
     gbt_real piece[GBT_ORDERS][GBT_FLAT];
     for (int i = 0; i < pieces; i++) {
         load_piece(start, top, i, piece);
-        survey_piece(piece, moving + i * GBT_MOVING, points, i == 0, worst[i]);
+        survey_piece(piece, moving + i * GBT_KNOT_NUMBERS, points, i == 0, worst[i]);
     }
 }
 
@@ -66,7 +66,7 @@ void gbt_check(const gbt_real *start, const gbt_real *top, int pieces, int point
     gbt_real piece[GBT_ORDERS][GBT_FLAT], worst[GBT_LIMITS + 1];
     for (int i = 0; i < pieces; i++) {
         load_piece(start, top, i, piece);
-        survey_piece(piece, moving + i * GBT_MOVING, points, i == 0, worst);
+        survey_piece(piece, moving + i * GBT_KNOT_NUMBERS, points, i == 0, worst);
         violation[i] = -GBT_INFINITY;
         for (int q = 0; q < GBT_LIMITS; q++)
             if (gbt_limits[q].judged && worst[q] > violation[i]) violation[i] = worst[q];

@@ -15,7 +15,7 @@ GBT_BEGIN_C
    top      what is free in each piece, pieces x GBT_FREE, not scaled
    pieces   how many, any number
    points   of the grid of a piece, both ends included, at least 2, or GBT_NODES
-   moving   of the limits at the boundaries, (pieces + 1) x GBT_MOVING */
+   moving   of the limits at the boundaries, (pieces + 1) x GBT_KNOT_NUMBERS */
 void gbt_survey(const gbt_real *start, const gbt_real *top, int pieces, int points, const gbt_real *moving,
                 gbt_real worst[][GBT_LIMITS + 1]);
 

@@ -19,14 +19,15 @@ void gbt_follow_plan(gbt_follower *follower, const gbt_real *state, const gbt_re
     follower->planned = 1;
 }
 
-/* The piece in which a time lies, and what has elapsed of it; 0 if it lies beyond the plan. */
+/* The piece in which a time lies, its position relative to the start, and what has elapsed of it; 0 if the time lies
+   beyond the plan. */
 static int piece_at(const gbt_follower *follower, gbt_real elapsed, gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real *s)
 {
     const gbt_real pieces = elapsed / GBT_PERIOD + SAME_TIME;
     if (!follower->planned || pieces < 0 || pieces > GBT_PIECES + 2 * SAME_TIME) return 0;
     const int number = pieces < GBT_PIECES ? (int)pieces : GBT_PIECES - 1;
     for (int l = 0; l < GBT_JOINED; l++)
-        for (int j = 0; j < GBT_FLAT; j++) piece[l][j] = follower->start[l][j];
+        for (int j = 0; j < GBT_FLAT; j++) piece[l][j] = l == 0 && j < GBT_DIMENSION ? 0 : follower->start[l][j];
     for (int i = 0;; i++) {
         for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = follower->top[i][a];
         if (i == number) break;
@@ -56,7 +57,8 @@ gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt
     gbt_point_after(piece, s, now);
     gbt_point_after(piece, s + hold / 2, middle);
     for (int j = 0; j < GBT_FLAT; j++) {
-        const gbt_real error = now[j] - z[j], rate_error = now[GBT_FLAT + j] - dz[j];
+        const gbt_real own = j < GBT_DIMENSION ? z[j] - follower->start[0][j] : z[j];
+        const gbt_real error = now[j] - own, rate_error = now[GBT_FLAT + j] - dz[j];
         result->error[j] = j < GBT_DIMENSION ? error : gbt_remainder(error, TURN);
         if (j < GBT_DIMENSION) square += error * error;
         point[j] = z[j] + (middle[j] - now[j]);

@@ -131,13 +131,16 @@ static gbt_real merit_after(gbt_workspace *work, gbt_real mu, gbt_real alpha)
     return isfinite(merit) ? merit : GBT_INFINITY;
 }
 
+/* What rounding leaves unknown of a merit. */
+static gbt_real noise_of(gbt_real merit) { return 10 * GBT_EPSILON * (1 + gbt_fabs(merit)); }
+
 /* The full step, or the full corrected step, or a part of the step that decreases the merit; returns the part, 0 if
    there is none. */
 static gbt_real search(gbt_workspace *work, gbt_real mu)
 {
     const gbt_real merit = work->f + gbt_barrier(work, work->y, mu, 0);
     const gbt_real slope = objective_slope(work) + gbt_barrier_slope(work, mu);
-    const gbt_real noise = 10 * GBT_EPSILON * (1 + gbt_fabs(merit));
+    const gbt_real noise = noise_of(merit);
     const gbt_real trial = merit_after(work, mu, 1);
     if (trial <= merit + ARMIJO * slope + noise) return 1;
     if (trial < GBT_INFINITY) {
@@ -150,6 +153,15 @@ static gbt_real search(gbt_workspace *work, gbt_real mu)
     for (gbt_real alpha = (gbt_real)0.5; alpha > SHORTEST; alpha /= 2)
         if (merit_after(work, mu, alpha) <= merit + ARMIJO * alpha * slope + noise) return alpha;
     return 0;
+}
+
+/* Whether the step promises less than rounding hides: then the iterate is as good as the precision allows, also where the
+   gradient is larger than the tolerance, as next to a kink of the objective that the precision does not resolve. */
+static int is_flat(const gbt_workspace *work, gbt_real mu)
+{
+    const gbt_real merit = work->f + gbt_barrier(work, work->y, mu, 0);
+    const gbt_real slope = objective_slope(work) + gbt_barrier_slope(work, mu);
+    return gbt_fabs(slope) <= noise_of(merit);
 }
 
 static void accept(gbt_workspace *work, gbt_real mu, gbt_real alpha)
@@ -171,6 +183,7 @@ gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int i
 {
     const int last = result->iterations + iterations;
     gbt_real delta = 0;
+    int flat = 0;
 
     if (mu < mu_last || work->count == 0) mu = mu_last;
     work->f = gbt_evaluate(work, work->piece, work->y);
@@ -182,13 +195,15 @@ gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int i
         result->residual = residual(work);
         if (isnan(result->residual)) return GBT_NUMERICAL_FAILURE;
 
-        if (mu <= mu_last && result->residual <= tolerance && gbt_off_centre(work, mu) <= 10 * mu)
+        if (mu <= mu_last && (result->residual <= tolerance || flat) && gbt_off_centre(work, mu) <= 10 * mu)
             return GBT_SOLVED;
         if (result->iterations >= last) return GBT_ITERATION_LIMIT;
-        while (mu > mu_last && result->residual <= NEAR_ENOUGH * mu && gbt_off_centre(work, mu) <= NEAR_ENOUGH * mu) {
+        while (mu > mu_last && (result->residual <= NEAR_ENOUGH * mu || flat) &&
+               gbt_off_centre(work, mu) <= NEAR_ENOUGH * mu) {
             mu = gbt_fmin(mu / 5, gbt_pow(mu, (gbt_real)1.2));
             if (mu < mu_last) mu = mu_last;
             gbt_centre(work, mu);
+            flat = 0;
         }
 
         gbt_eliminate(work, mu);
@@ -197,6 +212,7 @@ gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int i
         if (added < 0) return GBT_NUMERICAL_FAILURE;
         if (added > 0) delta = added;
         find_step(work);
+        flat = is_flat(work, mu);
 
         const gbt_real alpha = search(work, mu);
         if (alpha <= 0) return GBT_NUMERICAL_FAILURE;

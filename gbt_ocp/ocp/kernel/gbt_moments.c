@@ -1,6 +1,7 @@
 #include "gbt_moments.h"
 
 #include "gbt_math.h"
+#include "gbt_places.h"
 
 #define D GBT_DIMENSION
 #define SWEEPS 12 /* of Jacobi's method, which converges quadratically: 3 x 3 needs about 5 */
@@ -48,18 +49,40 @@ void gbt_symmetric_root(const gbt_real *matrix, gbt_real *root)
 }
 
 #if GBT_MOMENTS
-void gbt_bind(const gbt_real *mean, const gbt_real *covariance, const gbt_real *desired, gbt_real *parameters)
+static void widen(const gbt_real *from, int count, double *to)
 {
-    gbt_real root[D * D];
+    for (int k = 0; k < count; k++) to[k] = (double)from[k];
+}
+
+static void place_of(const double *base, const gbt_real *mean, double *place)
+{
+    for (int j = 0; j < D; j++) place[j] = base[j] + (double)mean[j];
+}
+
+void gbt_bind(const double *base, const double *origin, const gbt_real *mean, const gbt_real *covariance,
+              const gbt_real *desired, gbt_real *numbers)
+{
+    double place[D], matrix[D * D], wanted[D], given[GBT_PARAMETERS + 1];
     for (int i = 0; i < GBT_PIECES; i++) {
+        gbt_real root[D * D];
         const int end = i + GBT_PRESENT;
         gbt_symmetric_root(covariance + end * D * D, root);
-        gbt_prepare(mean + end * D, root, desired + i * D, parameters + i * GBT_PARAMETERS);
+        widen(root, D * D, matrix);
+        widen(desired + i * D, D, wanted);
+        place_of(base, mean + end * D, place);
+        gbt_prepare(place, matrix, wanted, given);
+        gbt_place_ends(origin, given, 1, numbers + i * GBT_END_NUMBERS);
     }
+    for (int i = 0; i <= GBT_PIECES; i++) {
+        double moving[GBT_MOVING + 1];
 #if GBT_PRESENT
-    for (int i = 0; i <= GBT_PIECES; i++)
-        gbt_prepare_limits(mean + i * D, covariance + i * D * D, covariance,
-                           parameters + GBT_LIMIT_NUMBERS + i * GBT_MOVING);
+        double present[D * D];
+        widen(covariance, D * D, present);
+        widen(covariance + i * D * D, D * D, matrix);
+        place_of(base, mean + i * D, place);
+        gbt_prepare_limits(place, matrix, present, moving);
 #endif
+        gbt_place_knots(origin, moving, 1, numbers + GBT_LIMIT_NUMBERS + i * GBT_KNOT_NUMBERS);
+    }
 }
 #endif

@@ -1,4 +1,4 @@
-/* From the moments of a forecast to the parameters of the objective and of the limits. */
+/* From the moments of a forecast to the numbers of the objective and of the limits. */
 #ifndef GBT_MOMENTS_H
 #define GBT_MOMENTS_H
 
@@ -11,8 +11,14 @@ GBT_BEGIN_C
 void gbt_symmetric_root(const gbt_real *matrix, gbt_real *root);
 
 #if GBT_MOMENTS
-/* All parameters, in the order of gbt_plan_parameters; the arguments are those of gbt_plan. */
-void gbt_bind(const gbt_real *mean, const gbt_real *covariance, const gbt_real *desired, gbt_real *parameters);
+/* All numbers of a solve, relative to an origin.
+
+   base         origin of the coordinates of the means, GBT_DIMENSION
+   origin       of the plan, GBT_DIMENSION; see gbt_places.h
+   mean, covariance, desired   as of gbt_plan
+   numbers      out: GBT_NUMBERS */
+void gbt_bind(const double *base, const double *origin, const gbt_real *mean, const gbt_real *covariance,
+              const gbt_real *desired, gbt_real *numbers);
 #endif
 
 GBT_END_C

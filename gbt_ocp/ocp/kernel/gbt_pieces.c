@@ -34,8 +34,8 @@ void gbt_point_after(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real s, gbt_real 
 
 void gbt_moving_at(const gbt_real *ends, gbt_real share, gbt_real *place)
 {
-    for (int m = 0; m < GBT_MOVING; m++)
-        place[GBT_POINT + m] = (1 - share) * ends[m] + share * ends[GBT_MOVING + m];
+    for (int m = 0; m < GBT_KNOT_NUMBERS; m++)
+        place[GBT_POINT + m] = (1 - share) * ends[m] + share * ends[GBT_KNOT_NUMBERS + m];
 }
 
 /* What a limit looks at: the point of piece i after a share of it, and the limit's numbers there. */
@@ -43,7 +43,7 @@ static void place_at(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GBT
                      const gbt_real *power, gbt_real *place)
 {
     point_at(piece[i], power, place);
-    gbt_moving_at(work->moving + i * GBT_MOVING, share, place);
+    gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, share, place);
 }
 
 void gbt_next_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDERS][GBT_FLAT])
@@ -85,8 +85,7 @@ void gbt_settle(gbt_real piece[GBT_ORDERS][GBT_FLAT], int first, const gbt_real 
 void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top)
 {
     gbt_real piece[GBT_ORDERS][GBT_FLAT], next[GBT_ORDERS][GBT_FLAT], aim[GBT_FLAT];
-    for (int j = 0; j < GBT_FLAT; j++)
-        aim[j] = aside * (gbt_real)(GBT_FLAT - j) / GBT_FLAT * gbt_acceleration_scale[j];
+    for (int j = 0; j < GBT_FLAT; j++) aim[j] = aside / gbt_sqrt((gbt_real)(j + 1)) * gbt_acceleration_scale[j];
     for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = start[a];
     for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = 0;
     for (int i = 0; i < GBT_PIECES; i++) {
@@ -115,7 +114,7 @@ gbt_real gbt_evaluate(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GB
     gbt_taylor(GBT_PERIOD, power);
     for (int i = 0; i < work->pieces; i++) {
         point_at(piece[i], power, point);
-        gbt_objective.value(point, work->parameters + i * GBT_PARAMETERS, 0, value);
+        gbt_objective.value(point, work->parameters + i * GBT_END_NUMBERS, 0, value);
         f -= value[0];
     }
     for (int q = 0; q < GBT_LIMITS; q++) {
@@ -141,7 +140,7 @@ void gbt_differentiate(gbt_workspace *work)
     gbt_taylor(GBT_PERIOD, power);
     for (int i = 0; i < work->pieces; i++) {
         point_at(work->piece[i], power, point);
-        gbt_objective.gradient(point, work->parameters + i * GBT_PARAMETERS, 0, slope);
+        gbt_objective.gradient(point, work->parameters + i * GBT_END_NUMBERS, 0, slope);
         for (int a = 0; a < GBT_POINT; a++) slope[a] = -slope[a];
         for (int l = 0; l < GBT_ORDERS; l++)
             for (int j = 0; j < GBT_FLAT; j++) work->gradient[i][l][j] = 0;
@@ -231,7 +230,7 @@ void gbt_assemble(gbt_workspace *work)
         for (int a = 0; a < GBT_PIECE; a++)
             for (int c = 0; c < GBT_PIECE; c++) work->curvature[i][a][c] = 0;
         point_at(work->piece[i], power, point);
-        gbt_objective.hessian(point, work->parameters + i * GBT_PARAMETERS, &weight, entry);
+        gbt_objective.hessian(point, work->parameters + i * GBT_END_NUMBERS, &weight, entry);
         add_half(power, entry, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column,
                  work->curvature[i]);
     }

@@ -32,8 +32,14 @@ void gbt_propagate(gbt_real piece[][GBT_ORDERS][GBT_FLAT], int pieces);
    it zero, in as few pieces as there are inherited ones of them; what is free above it is not touched. */
 void gbt_settle(gbt_real piece[GBT_ORDERS][GBT_FLAT], int first, const gbt_real *aim);
 
-/* What is free in all pieces so that the acceleration settles at parts of its scale, aside of the first output and less
-   of the others; zero is coasting. */
+#define GBT_ASIDE ((gbt_real)1e-5) /* of the full thrust, at a cold start */
+
+/* Constant velocity, and a little thrust to one side: from a start that is symmetric, as dead ahead of an obstacle, steps
+   are so too, and may creep along a ridge between two plans. The ratios of the thrusts are irrational, so that no axis of
+   symmetry of rational numbers is along them. Inherited accelerations settle there.
+
+   aside    of the full thrust
+   top      out: GBT_PIECES x GBT_FREE, what is free in all pieces */
 void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top);
 
 /* Gradient with respect to what is free in all pieces, from the one with respect to the numbers of each piece

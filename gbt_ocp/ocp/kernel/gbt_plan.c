@@ -2,9 +2,11 @@
 
 #include "gbt_braking.h"
 #include "gbt_check.h"
+#include "gbt_interior.h"
 #include "gbt_math.h"
 #include "gbt_moments.h"
 #include "gbt_pieces.h"
+#include "gbt_places.h"
 
 enum { N = GBT_PIECES * GBT_FREE };
 
@@ -12,15 +14,23 @@ void gbt_plan_init(gbt_planner *planner)
 {
     gbt_default_settings(&planner->settings);
     planner->warm = 0;
+#if GBT_RELATIVE
+    for (int j = 0; j < GBT_DIMENSION; j++) planner->origin[j] = 0;
+#endif
 }
 
 size_t gbt_planner_bytes(void) { return sizeof(gbt_planner); }
 
-static int all_finite(const gbt_real *x, int count)
+/* Of the coordinates of state, means and endpoints. */
+static const double *base_of(const gbt_planner *planner)
 {
-    for (int k = 0; k < count; k++)
-        if (!isfinite(x[k])) return 0;
-    return 1;
+#if GBT_RELATIVE
+    return planner->origin;
+#else
+    static const double zero[GBT_DIMENSION];
+    (void)planner;
+    return zero;
+#endif
 }
 
 static gbt_status refuse(gbt_plan_result *plan)
@@ -29,6 +39,7 @@ static gbt_status refuse(gbt_plan_result *plan)
     *plan = nothing;
     plan->origin = GBT_NO_PLAN;
     plan->violation = GBT_INFINITY;
+    for (int i = 0; i < GBT_PIECES; i++) plan->piece_violation[i] = GBT_INFINITY;
     return plan->status = GBT_NOT_FINITE;
 }
 
@@ -161,7 +172,7 @@ static void complete(const gbt_real *state, const gbt_real *parameters, gbt_plan
             gbt_point_after(piece, GBT_PERIOD * (gbt_real)k / (GBT_PROFILE - 1), point);
             gbt_vehicle_inputs(point, 0, 0, plan->thrust[i][k]);
         }
-        gbt_objective.value(point, parameters + i * GBT_PARAMETERS, 0, &term);
+        gbt_objective.value(point, parameters + i * GBT_END_NUMBERS, 0, &term);
         plan->objective += term;
         gbt_next_piece(piece, next);
         for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = next[a / GBT_FLAT][a % GBT_FLAT];
@@ -172,22 +183,21 @@ static void complete(const gbt_real *state, const gbt_real *parameters, gbt_plan
     }
 }
 
-gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, const gbt_real *parameters,
-                               gbt_plan_result *plan)
+/* A step from a start that is relative to the origin of the numbers. */
+static void plan_from(gbt_planner *planner, const gbt_real *state, gbt_plan_result *plan)
 {
-    const gbt_real *moving = parameters + GBT_LIMIT_NUMBERS;
+    const gbt_real *parameters = planner->numbers, *moving = parameters + GBT_LIMIT_NUMBERS;
     const int deadline = planner->settings.deadline;
     gbt_status found;
     gbt_real unfinished[GBT_PIECES][GBT_FREE];
     int some = 0;
-    if (!all_finite(state, GBT_STATE) || !all_finite(parameters, GBT_NUMBERS)) return refuse(plan);
     plan->iterations = plan->tightened = 0;
     gbt_broken_at_start(state, moving, plan->broken_at_start);
 
     if (planner->warm)
         shift(planner, plan->top);
     else
-        gbt_coast(state, 0, plan->top[0]);
+        gbt_coast(state, GBT_ASIDE, plan->top[0]);
     /* a warm attempt leaves a third of the iterations to a cold one */
     plan->status = found = attempt(planner, state, parameters, planner->warm,
                                    planner->warm ? deadline - deadline / 3 : deadline, plan);
@@ -209,7 +219,7 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
         }
     }
     if (found != GBT_SOLVED && planner->warm) {
-        gbt_coast(state, 0, plan->top[0]);
+        gbt_coast(state, GBT_ASIDE, plan->top[0]);
         plan->origin = GBT_COLD;
         found = attempt(planner, state, parameters, 0, deadline - plan->iterations, plan);
         if (found == GBT_ITERATION_LIMIT && !some) some = keep(plan->top, unfinished);
@@ -226,11 +236,44 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
         gbt_brake(state, &plan->top[0][0]);
     }
 
-    for (int k = 0; k < N; k++) planner->previous[k / GBT_FREE][k % GBT_FREE] = plan->top[k / GBT_FREE][k % GBT_FREE];
-    planner->warm = 1;
     judge(planner, state, moving, plan);
     complete(state, parameters, plan);
+}
+
+static int is_finite(const gbt_plan_result *plan)
+{
+    return isfinite(plan->objective) && gbt_all_finite(&plan->top[0][0], N) &&
+           gbt_all_finite(&plan->endpoints[0][0], GBT_PIECES * GBT_FLAT) &&
+           gbt_all_finite(&plan->rates[0][0], GBT_PIECES * GBT_FLAT) &&
+           gbt_all_finite(&plan->thrust[0][0][0], GBT_PIECES * GBT_PROFILE * GBT_INPUTS);
+}
+
+/* The same, with endpoints in the coordinates of the state; refuses what is not finite, or is so large that nothing finite
+   comes of it, and remembers nothing of that. */
+static gbt_status plan_relative(gbt_planner *planner, const double *origin, const gbt_real *start,
+                                gbt_plan_result *plan)
+{
+    if (!gbt_all_finite(start, GBT_STATE) || !gbt_all_finite(planner->numbers, GBT_NUMBERS)) return refuse(plan);
+    plan_from(planner, start, plan);
+    if (!is_finite(plan)) return refuse(plan);
+    for (int k = 0; k < N; k++) planner->previous[k / GBT_FREE][k % GBT_FREE] = plan->top[k / GBT_FREE][k % GBT_FREE];
+    planner->warm = 1;
+    for (int i = 0; i < GBT_PIECES; i++)
+        for (int j = 0; j < GBT_DIMENSION; j++)
+            plan->endpoints[i][j] = (gbt_real)(origin[j] - base_of(planner)[j] + (double)plan->endpoints[i][j]);
     return plan->status;
+}
+
+gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, const double *parameters,
+                               gbt_plan_result *plan)
+{
+    double origin[GBT_DIMENSION];
+    gbt_real start[GBT_STATE];
+    gbt_begin(base_of(planner), state, origin, start);
+    gbt_place_ends(origin, parameters, GBT_PIECES, planner->numbers);
+    gbt_place_knots(origin, parameters + GBT_PIECES * GBT_PARAMETERS, GBT_PIECES + 1,
+                    planner->numbers + GBT_LIMIT_NUMBERS);
+    return plan_relative(planner, origin, start, plan);
 }
 
 #if GBT_MOMENTS
@@ -238,12 +281,15 @@ gbt_status gbt_plan(gbt_planner *planner, const gbt_real *state, const gbt_real 
                     const gbt_real *desired, gbt_plan_result *plan)
 {
     enum { BOUNDARIES = GBT_PIECES + GBT_PRESENT };
+    double origin[GBT_DIMENSION];
+    gbt_real start[GBT_STATE];
     /* here already: the root of a covariance takes what is not a positive eigenvalue for zero */
-    if (!all_finite(mean, BOUNDARIES * GBT_DIMENSION) ||
-        !all_finite(covariance, BOUNDARIES * GBT_DIMENSION * GBT_DIMENSION) ||
-        !all_finite(desired, GBT_PIECES * GBT_DIMENSION))
+    if (!gbt_all_finite(mean, BOUNDARIES * GBT_DIMENSION) ||
+        !gbt_all_finite(covariance, BOUNDARIES * GBT_DIMENSION * GBT_DIMENSION) ||
+        !gbt_all_finite(desired, GBT_PIECES * GBT_DIMENSION))
         return refuse(plan);
-    gbt_bind(mean, covariance, desired, planner->parameters);
-    return gbt_plan_parameters(planner, state, planner->parameters, plan);
+    gbt_begin(base_of(planner), state, origin, start);
+    gbt_bind(base_of(planner), origin, mean, covariance, desired, planner->numbers);
+    return plan_relative(planner, origin, start, plan);
 }
 #endif

@@ -6,7 +6,9 @@
            gbt_plan(&planner, state, mean, covariance, desired, &plan);
            follow plan.thrust[0], or the first piece of the trajectory, for one period
 
-   Every call returns a plan, unless the input is not finite. Thrust is kept within its limits. Where the other limits
+   Every call returns a plan, unless the input is not finite, or so large that no plan is (a square above what the
+   precision can express: speeds of 1e154, or 1e19 in single precision): then the origin is GBT_NO_PLAN, the status
+   GBT_NOT_FINITE, and the planner is as before. Thrust is kept within its limits. Where the other limits
    cannot all be kept, those on what is only believed of the target give before the others, each by as little as the
    thrust allows, and plan.given_up says by how much. Where the solver fails, the answer is what it had when its
    iterations were spent if the first piece of that keeps the limits, the rest of the previous plan, a plan from a cold
@@ -29,7 +31,7 @@ typedef enum {
     GBT_SHIFTED = 1,  /* the rest of the previous plan */
     GBT_COLD = 2,     /* the solver's plan from a cold start, after a warm one failed */
     GBT_BRAKED = 3,   /* a braking plan */
-    GBT_NO_PLAN = 4,  /* the input was not finite */
+    GBT_NO_PLAN = 4,  /* the input was not finite, or too large for a plan that is; all numbers are zero */
     GBT_UNFINISHED = 5 /* what the solver had when its iterations were spent */
 } gbt_origin;
 
@@ -54,11 +56,16 @@ typedef struct {
     gbt_settings settings;
     int warm; /* whether there is a previous plan */
     gbt_real previous[GBT_PIECES][GBT_FREE];
-    gbt_real parameters[GBT_NUMBERS + 1];
+#if GBT_RELATIVE
+    double origin[GBT_DIMENSION]; /* of the coordinates of state, means and endpoints; see gbt_plan_init */
+#endif
+    gbt_real numbers[GBT_NUMBERS + 1];
     gbt_workspace work;
 } gbt_planner;
 
-/* Default settings, no previous plan. They may be changed between the steps. */
+/* Default settings, no previous plan, the origin zero. Settings may be changed between the steps. planner->origin may be
+   set to a place near the vehicle, in the coordinates of zones and depths: state, mean and endpoints are then relative to
+   it. Single precision needs that far from zero, since it knows a northing of 7,000 km to half a metre. */
 #define gbt_plan_init GBT_NAME(gbt_plan_init)
 void gbt_plan_init(gbt_planner *planner);
 
@@ -66,7 +73,7 @@ void gbt_plan_init(gbt_planner *planner);
 size_t gbt_planner_bytes(void);
 
 #if GBT_MOMENTS
-/* Plans from the moments of a forecast.
+/* Plans from the moments of a forecast. The inputs are read before the plan is written, and may be part of it.
 
    state        continuous derivatives of the flat output now, itself first, GBT_JOINED x GBT_FLAT
    mean         of the target's position at the endpoints t + T, t + 2 T, ..., GBT_PIECES x GBT_DIMENSION, m; where
@@ -78,8 +85,8 @@ gbt_status gbt_plan(gbt_planner *planner, const gbt_real *state, const gbt_real 
 #endif
 
 /* The same from the parameters of the objective, GBT_PIECES x GBT_PARAMETERS, followed by those of the limits,
-   (GBT_PIECES + 1) x GBT_MOVING. */
-gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, const gbt_real *parameters,
+   (GBT_PIECES + 1) x GBT_MOVING. Positions among them are those of zones and depths, whatever the origin. */
+gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, const double *parameters,
                                gbt_plan_result *plan);
 
 GBT_END_C

@@ -10,9 +10,7 @@
 #define TAIL (GBT_PIECES < 16 ? GBT_PIECES / 2 : 8)
 #define SHORT 5 /* pieces of a horizon that needs no such help */
 #define ROUGH ((gbt_real)1e-2)
-/* Part of the full thrust at a second start, to one side: a start that is symmetric about the line of sight gives steps
-   that are so too, and may creep along a ridge between two plans. */
-#define ASIDE ((gbt_real)0.1)
+#define ASIDE ((gbt_real)0.1) /* of the full thrust, at a second start */
 
 /* mu of each start over that of the first */
 static const gbt_real barrier_of_start[] = {1, 3, 10, (gbt_real)0.3};
@@ -32,8 +30,8 @@ static void load(const gbt_real *start, const gbt_real *parameters, int first, i
 {
     work->pieces = pieces;
     work->count = GBT_COUNT / GBT_PIECES * pieces;
-    work->parameters = parameters + first * GBT_PARAMETERS;
-    work->moving = parameters + GBT_LIMIT_NUMBERS + first * GBT_MOVING;
+    work->parameters = parameters + first * GBT_END_NUMBERS;
+    work->moving = parameters + GBT_LIMIT_NUMBERS + first * GBT_KNOT_NUMBERS;
     for (int a = 0; a < GBT_STATE; a++) work->piece[0][a / GBT_FLAT][a % GBT_FLAT] = start[a];
     for (int i = 0; i < first + pieces; i++) {
         gbt_real(*piece)[GBT_FLAT] = work->piece[i < first ? 0 : i - first];

@@ -18,11 +18,11 @@ GBT_BEGIN_C
 #define GBT_STATE (GBT_JOINED * GBT_FLAT)     /* the continuous derivatives: what a piece inherits from the one before */
 #define GBT_FREE (GBT_PIECE - GBT_STATE)      /* those above them, up to the L-th: what is free in a piece */
 #define GBT_POINT (3 * GBT_FLAT)              /* z, its rate and its acceleration at one time */
-#define GBT_PLACE (GBT_POINT + GBT_MOVING)    /* the same, and the numbers that constraints need at that time */
+#define GBT_PLACE (GBT_POINT + GBT_KNOT_NUMBERS) /* the same, and the numbers that constraints need at that time */
 
 /* numbers that change from solve to solve: of the objective at the endpoints, then of the limits at the boundaries */
-#define GBT_LIMIT_NUMBERS (GBT_PIECES * GBT_PARAMETERS)
-#define GBT_NUMBERS (GBT_LIMIT_NUMBERS + (GBT_PIECES + 1) * GBT_MOVING)
+#define GBT_LIMIT_NUMBERS (GBT_PIECES * GBT_END_NUMBERS)
+#define GBT_NUMBERS (GBT_LIMIT_NUMBERS + (GBT_PIECES + 1) * GBT_KNOT_NUMBERS)
 
 typedef enum {
     GBT_SOLVED = 0,
@@ -96,11 +96,11 @@ void gbt_default_settings(gbt_settings *settings);
 /* Size of the workspace in bytes, for callers that do not see the struct. */
 size_t gbt_workspace_bytes(void);
 
-/* Solves one instance.
+/* Solves one instance, in coordinates relative to an origin (gbt_places.h).
 
    start        continuous derivatives of the flat output, itself first, GBT_JOINED x GBT_FLAT
-   parameters   of the objective, GBT_PIECES x GBT_PARAMETERS, then of the limits at the boundaries of the pieces,
-                (GBT_PIECES + 1) x GBT_MOVING
+   parameters   numbers of the objective, GBT_PIECES x GBT_END_NUMBERS, then of the limits at the boundaries of the
+                pieces, (GBT_PIECES + 1) x GBT_KNOT_NUMBERS
    tightening   of each limit, GBT_LIMITS: moves its bounds inwards, in units of the limit
    warm         GBT_COLD_START, GBT_WARM or GBT_AGAIN
    u            GBT_PIECES x GBT_FREE: in, the guess; out, the solution; what is free in a piece over gbt_input_scale */

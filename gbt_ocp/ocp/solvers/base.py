@@ -13,6 +13,9 @@ from gbt_ocp.typing import Array
 OUT_OF_ITERATIONS = ("iteration limit", "Maximum_Iterations_Exceeded")
 """Status of a solution that is an iterate like others when the iterations were spent, and can be judged."""
 
+NO_PLAN = "no plan"
+"""In the place of a fallback, where the input is so large that no plan is finite."""
+
 GIVEN_UP = "given up"
 """Status where the thrust limits are kept and others had to give."""
 

@@ -15,7 +15,7 @@ from gbt_ocp.ocp.codegen.library import kernel_files, load_library
 from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.problem_source import from_moments, generate_problem
 from gbt_ocp.ocp.problem_data import ProblemData
-from gbt_ocp.ocp.solvers.base import GIVEN_UP, PlannerStep, Solution
+from gbt_ocp.ocp.solvers.base import GIVEN_UP, NO_PLAN, PlannerStep, Solution
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import limit_size
 from gbt_ocp.typing import Array
@@ -31,7 +31,7 @@ STATUSES = (
 )
 """What the exit codes of the kernel are called."""
 
-ORIGINS = ("", "shifted", "cold", "braking", "no plan", "unfinished")
+ORIGINS = ("", "shifted", "cold", "braking", NO_PLAN, "unfinished")
 """What the origins of a plan are called."""
 
 PROFILE = 5
@@ -110,6 +110,7 @@ class CompiledSolver:
         self._solve = kernel.gbt_solve
         kernel.gbt_check.argtypes = [numbers, numbers, ctypes.c_int, ctypes.c_int, numbers, numbers]
         self._check = kernel.gbt_check
+        self._coordinates = _Coordinates(kernel, problem.vehicle.position_dimension)
         self._problem = problem
         self._limits = len(problem.constraints)
         self._prepare_steps(kernel)
@@ -134,8 +135,10 @@ class CompiledSolver:
         limits: Sequence[Array] = (),
     ) -> CompiledSolution:
         """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.base.Solver.solve`."""
-        begin = np.ascontiguousarray(start, dtype=float)
-        parameters = np.concatenate([np.vstack(list(objectives)).T.ravel(), _moving(limits)])
+        origin, begin = self._coordinates.begin(start)
+        ends = self._coordinates.placed("ends", origin, _stacked(objectives), self._problem.pieces)
+        knots = self._coordinates.placed("knots", origin, _stacked(limits), self._problem.pieces + 1)
+        parameters = np.concatenate([ends, knots])
         variables = np.array(guess, dtype=float, order="C")
         inside = np.zeros(self._limits + 1)
         inside[: self._limits] = tightening
@@ -207,7 +210,7 @@ class CompiledSolver:
         if self._from_moments:
             arrays = list(moments_of_step(self._problem, data).values())
         else:
-            arrays = [np.concatenate([np.vstack(list(objectives)).T.ravel(), _moving(limits)])]
+            arrays = [np.concatenate([_stacked(objectives), _stacked(limits)])]
         arrays = [np.ascontiguousarray(values, dtype=float) for values in (start, *arrays)]
         self._plan(self._memory.ctypes.data, *(values.ctypes.data for values in arrays), ctypes.byref(result))
         return PlannerStep(
@@ -223,10 +226,11 @@ class CompiledSolver:
 
     def check(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
         """The same as :class:`gbt_ocp.ocp.check.LimitCheck`, from the compiled limits."""
-        start = np.ascontiguousarray(trajectory.start, dtype=float)
+        origin, start = self._coordinates.begin(trajectory.start)
         top = np.ascontiguousarray(trajectory.top, dtype=float)
         violation = np.empty(len(top))
-        moving = _moving([values[:, : len(top) + 1] for values in limits])
+        stacked = _stacked([values[:, : len(top) + 1] for values in limits])
+        moving = self._coordinates.placed("knots", origin, stacked, len(top) + 1)
         self._check(
             start.ctypes.data, top.ctypes.data, len(top), FINE_POINTS, moving.ctypes.data, violation.ctypes.data
         )
@@ -253,6 +257,29 @@ def moments_of_step(problem: ProblemData, data: Mapping[str, Any]) -> dict[str, 
     return {name: np.where(np.isfinite(values), values, 0.0) for name, values in found.items()}
 
 
-def _moving(limits: Sequence[Array]) -> Array:
-    """Parameters of all constraints, knot by knot."""
-    return np.ascontiguousarray(np.vstack(limits).T, dtype=float).ravel() if limits else np.zeros(0)
+def _stacked(parameters: Sequence[Array]) -> Array:
+    """Parameters of all terms, one time after the other."""
+    return np.ascontiguousarray(np.vstack(list(parameters)).T, dtype=float).ravel() if parameters else np.zeros(0)
+
+
+class _Coordinates:
+    """The kernel's coordinates: relative to where a trajectory begins."""
+
+    def __init__(self, kernel: ctypes.CDLL, dimension: int) -> None:
+        self._kernel = kernel
+        self._base = np.zeros(dimension)
+        self._sizes = {name: getattr(kernel, f"gbt_{name}_size")() for name in ("ends", "knots")}
+
+    def begin(self, start: Array) -> tuple[Array, Array]:
+        """The origin ``(d,)``, and a start relative to it."""
+        state = np.ascontiguousarray(start, dtype=float)
+        origin, begin = np.empty_like(self._base), np.empty_like(state)
+        self._kernel.gbt_begin(*(ctypes.c_void_p(values.ctypes.data) for values in (self._base, state, origin, begin)))
+        return origin, begin
+
+    def placed(self, name: str, origin: Array, parameters: Array, count: int) -> Array:
+        """The numbers of so many ``ends`` or ``knots`` from their parameters."""
+        numbers = np.empty(self._sizes[name] * count)
+        arrays = [ctypes.c_void_p(values.ctypes.data) for values in (origin, parameters, numbers)]
+        getattr(self._kernel, f"gbt_place_{name}")(*arrays[:2], count, arrays[2])
+        return numbers
