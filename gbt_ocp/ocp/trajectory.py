@@ -53,7 +53,7 @@ def propagate(derivatives: Sequence[Any], free: Sequence[Any], time: float) -> l
     return out
 
 
-SETTLING = ((1.0,), (1.0, 3 / 2), (1.0, 2.0, 11 / 6), (1.0, 5 / 2, 35 / 12, 25 / 12))
+SETTLING_GAINS = ((1.0,), (1.0, 3 / 2), (1.0, 2.0, 11 / 6), (1.0, 5 / 2, 35 / 12, 25 / 12))
 """Gains that bring chains of one to four integrators to rest in as many steps of one second: all poles at zero."""
 
 
@@ -79,7 +79,7 @@ def settling(inherited: Array, first: int, aim: ArrayLike, period: float) -> Arr
         return np.asarray(aim, dtype=float)
     chain[0] -= aim
     powers = float(period) ** np.arange(len(chain), 0, -1)
-    return np.asarray(-(np.array(SETTLING[len(chain) - 1]) / powers) @ chain)
+    return np.asarray(-(np.array(SETTLING_GAINS[len(chain) - 1]) / powers) @ chain)
 
 
 def flat_point(derivatives: list[Any]) -> FlatPoint:
