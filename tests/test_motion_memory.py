@@ -113,7 +113,7 @@ def test_a_lost_track_remembers_nothing():
     own = around(later, 2)
     elsewhere = np.array([-150.0, 90.0])
     fed(tracker, later[:100], own[:100], seen(elsewhere, own[:100]))
-    assert tracker.resets >= 1
+    assert tracker.restarts >= 1
     fed(tracker, later[100:], own[100:], seen(elsewhere, own[100:]))
     forecast = tracker.predict([later[-1]])
     assert np.linalg.norm(forecast.mean[0] - elsewhere) < 0.15 * np.linalg.norm(elsewhere)
