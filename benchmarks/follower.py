@@ -24,7 +24,7 @@ from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
 
 STD = 0.1
-"""Posterior deviation in m that the planner is told."""
+"""Posterior deviation in m that the planner is given."""
 
 PARAMETERS = ("mass", "added_mass", "drag")
 PLANTS: dict[str, tuple[str, ...]] = {

@@ -3,7 +3,7 @@
     python benchmarks/plant_errors.py sea2d --seeds 20 --duration 60 --set "limits.hard=[]" --out runs/plant
     python benchmarks/plant_errors.py case2 case5 --seeds 5 --duration 10 --out runs/plant_cases
 
-One sweep a configuration, taken up again where it stopped. At sea each factor on mass, added mass and drag comes with
+One sweep a configuration, resumed where it stopped. At sea each factor on mass, added mass and drag comes with
 thrust 10 % weak, a lag of 0.3 s and a force of the drag of 0.3 m/s of water (30 N in surge, 56 N in sway). A case has
 the factor 1.2 alone.
 """

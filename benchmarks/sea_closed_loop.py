@@ -1,10 +1,10 @@
-"""The trackers of noisy bearings under the same guidance at sea: whole closed loops over seeds.
+"""The trackers of noisy bearings under the same guidance at sea: closed loops over seeds.
 
     python benchmarks/sea_closed_loop.py sea2d sea3d sea2d_speed sea3d_speed --seeds 20 --out runs/sea
     python benchmarks/sea_closed_loop.py sea2d --trackers motion_gp --starts 10 30 100 --seeds 20 --out runs/starts
 
-One sweep a configuration, kept in the folder and taken up again where it stopped; then a table of means over the seeds,
-from 60 s on, and of the worst seed. The recursive filters are told the same as the motion GP: a range of 50 m give or
+One sweep a configuration, kept in the folder and resumed where it stopped; then a table of means over the seeds,
+from 60 s on, and of the worst seed. The recursive filters are given the same as the motion GP: a range of 50 m give or
 take as much, a speed of about 1 m/s, the bearing's true deviation. Their process noise was searched on seeds that the
 table does not use (`--search`).
 """

@@ -6,7 +6,7 @@
 Target, noise and missed bearings are those of the configuration; the observer goes round the target with 0.1 rad/s at
 30 m, in space on the cone of the desired bearings. Scored every 4 s from 60 s on, now and 10 s ahead: error in per cent
 of the range, normalised squared error (NEES, ideally d), and the share of truth inside the 95 % ellipse (ellipsoid in
-space); then the worst mean of a run. Times are the processor time of a bearing with which the tracker estimates anew,
+space); then the worst mean of a run. Times are the processor time of a bearing with which the tracker estimates again,
 forecast of 20 s included. Runs that stand in the file of `--out` are not repeated.
 """
 

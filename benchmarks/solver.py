@@ -256,7 +256,7 @@ def compare(
     write("|---|---|---|---|---|---|---|---|")
     for name, rows in results.items():
         times, iterations = times_of(list(rows.values())), np.array([row.iterations for row in rows.values()])
-        # where nobody else solved, there is nothing to compare with
+        # where no other solver solved, there is nothing to compare with
         shared = [k for k, row in rows.items() if row.solved and sum(k in found for found in solved) > 1]
         below = np.mean([best[k] - rows[k].objective for k in shared]) if shared else np.nan
         worst = max((row.violation for row in rows.values() if row.solved), default=np.nan)

@@ -58,6 +58,8 @@ BENCHMARKS = (
     benchmark("theory_coverage"),
     benchmark("tracker"),
     benchmark("objectives"),
+    benchmark("follower", "sea2d"),
+    benchmark("plant_errors", "sea2d", "case2", "case5"),
     benchmark(
         "solver",
         *("--study", "horizon,loop", "--printed", "40", "--figure", f"{OUT}/solver_benchmark.png"),

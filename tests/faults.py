@@ -193,7 +193,6 @@ def faulty_run(
     if solver is not None:
         faults.append(FaultySolver(planner.solver, *solver))
         loop.guidance.planner = Planner(planner.problem, faults[0])
-        loop.guidance.planner._check = planner._check  # the compiled check stays
     if sensor is not None:
         loop = replace(loop, sensor=FaultySensor(loop.sensor, *sensor))
     if tracker is not None:
@@ -215,9 +214,7 @@ def faulty_run(
         weaker = small.guidance.planner
         if solver is not None:
             faults.append(FaultySolver(weaker.solver, *solver))
-            check = weaker._check
             weaker = Planner(weaker.problem, faults[-1])
-            weaker._check = check
         loop = replace(loop, vehicle=vehicle)
     guidance = WatchedGuidance(loop.guidance, faults, period, weaker, vehicle, shrinks, target)
     return simulate(replace(loop, guidance=guidance), start, seconds)

@@ -336,7 +336,7 @@ def pretender(place, text):
 def test_a_compiler_that_hangs_is_ended_with_its_children(folders, tmp_path, monkeypatch):
     seconds = f"86400.{time.time_ns()}"  # to know it by
     script = pretender(tmp_path, f"import subprocess\nsubprocess.run(['sleep', '{seconds}'])\n")
-    monkeypatch.setattr(building, "find_compiler", lambda: str(script))
+    monkeypatch.setattr(building, "find_compiler", lambda: [str(script)])
     monkeypatch.setattr(building, "BUILD_S", 2.0)
     found = verify_folder(folders["short"])
     assert "not done after 2 s" in found.faults[0]

@@ -101,7 +101,7 @@ def test_the_report_shows_the_tables_and_the_verdict(done):
         assert f'src="figures/{name}"' in page
     assert page.count("<table>") == sum(line.startswith(("| ---", "|---")) for line in text.split("\n"))
     # why a pair does not exist stands in the table of formulations
-    assert "none: the kernel is told the kinks as inequalities" in text
+    assert "none: the kernel takes the kinks as inequalities" in text
 
 
 def test_the_costs_are_those_of_all_tasks(done):
@@ -191,7 +191,7 @@ def test_slow_pairs_get_a_share_of_the_work_unless_all_is_asked_for():
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends a signal")
-@pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.parametrize("jobs", [pytest.param("1", marks=pytest.mark.slow), "2"])
 def test_ctrl_c_keeps_what_is_finished(tmp_path, jobs):
     command = [
         sys.executable, "-m", "gbt_ocp.cli", "compare", "case2", "--formulations", "hard", "--solvers", "ipopt",

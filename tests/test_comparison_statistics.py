@@ -215,3 +215,9 @@ def test_the_verdict_on_stiffness_names_where_solves_begin_to_fail():
     (sentence,) = verdict({**tables, "sensitivity": swept}, [])
     assert "in every problem up to a stiffness of 50 and not all from 200 on" in sentence
     assert "(1e+03, a kink of 0.1 mm of endpoint motion) in 1 of 10 (table sensitivity)." in sentence
+
+
+def test_names_that_look_like_numbers_stay_names(tmp_path):
+    rows = [{"case": "0010", "formulation": "hard", "solver": "ipopt", "problem": 3, "gap": 0.5, "best": None}]
+    write_rows(tmp_path / "x.csv", rows)
+    assert read_rows(tmp_path / "x.csv") == rows

@@ -6,16 +6,17 @@ import subprocess
 import sys
 import threading
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from gbt_ocp.experiments.sweep.carry_out import sweep
 from gbt_ocp.experiments.sweep.engines import SAFE_PATH, Processes
+from gbt_ocp.experiments.sweep.task_folder import TaskFolder
+from gbt_ocp.files import whole_file
 
 ROOT = Path(__file__).resolve().parents[1]
-SHORT = {"problem": "case1", "duration_s": 0.5, "guidance": {"kind": "random"}}
-COMMAND = ["sweep", "case1", "--runs", "2", "--set", "duration_s=0.2", "guidance.kind=random", "--quiet"]
+COMMAND = ["sweep", "case1", "--runs", "1", "--set", "duration_s=0.2", "guidance.kind=random", "--quiet"]
 
 needs_proc = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for child processes in /proc")
 
@@ -66,13 +67,25 @@ def fresh():
     get_reusable_executor(1).shutdown(kill_workers=True)
 
 
+def made(folder, task):
+    """The work of a task: a file."""
+    with whole_file(folder / f"{task}.txt") as temporary:
+        temporary.write_text("made")
+    return True
+
+
+def carried_out(folder, count):
+    """Carry out so many tasks with two workers; those that were yielded."""
+    tasks = TaskFolder(lambda task: folder / f"{task}.txt", print, partial(made, folder), print)
+    return sorted(task for task, _ in tasks.carried_out(range(count), Processes(2)))
+
+
 @needs_proc
 @pytest.mark.parametrize("killed", [1, 100])
-def test_workers_killed_while_they_are_loaded_cost_no_run(fresh, tmp_path, capfd, killed):
+def test_workers_killed_while_they_are_loaded_cost_no_task(fresh, tmp_path, capfd, killed):
     with Killing(killed) as killing:
-        found = sweep(SHORT, runs=3, jobs=2, out=tmp_path / "sweep", histories=False)
+        assert carried_out(tmp_path, 3) == [0, 1, 2]
     assert killing.left < killed
-    assert [row["status"] for row in found.rows] == ["done"] * 3
     told = capfd.readouterr().err
     if killed == 1:  # others are started
         assert told == ""
@@ -89,8 +102,7 @@ def test_no_semaphores_is_one_line(tmp_path, monkeypatch, capfd):
         raise OSError(30, "Read-only file system")
 
     monkeypatch.setattr(_multiprocessing, "SemLock", read_only)
-    found = sweep(SHORT, runs=2, jobs=2, out=tmp_path / "sweep", histories=False)
-    assert [row["status"] for row in found.rows] == ["done"] * 2
+    assert carried_out(tmp_path, 3) == [0, 1, 2]
     assert capfd.readouterr().err == (
         "--jobs: workers cannot be started ([Errno 30] Read-only file system); the rest is done in this process\n"
     )

@@ -4,7 +4,7 @@ from scipy.stats import multivariate_normal
 
 from gbt_ocp.models.bearings import unit_bearing
 from gbt_ocp.tracking.bins import BinnedBearings
-from gbt_ocp.tracking.displacement.fit import Anchor, PosteriorMixture, DisplacementFit, Node, grid
+from gbt_ocp.tracking.displacement.fit import Anchor, DisplacementFit, Node, PosteriorMixture, grid
 from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS
 from gbt_ocp.tracking.displacement.rows import bearing_rows
 from gbt_ocp.tracking.noise import BearingNoise

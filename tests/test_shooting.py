@@ -230,7 +230,7 @@ def test_what_shooting_cannot_take_is_refused():
         ShootingPlanner(TrajectoryProblem(PLANAR, 2, PERIOD).maximize(BearingSimilarity(2)))
     with pytest.raises(ValueError, match="no objective"):
         ShootingPlanner(TrajectoryProblem(PLANAR, 2, PERIOD).subject_to(ThrustLimit(PLANAR)))
-    with pytest.raises(ValueError, match="substeps must be at least 1, found 0"):
+    with pytest.raises(ValueError, match="substeps: found 0; allowed: a whole number >= 1"):
         ShootingPlanner(posed(), substeps=0)
     with pytest.raises(ValueError, match="unheard_of"):
         ShootingPlanner(posed(), options={"unheard_of": 1})

@@ -118,7 +118,7 @@ def moments(kind, tmp_path, count, start, seed):
     return found
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS[:-1], pytest.param("compare", marks=pytest.mark.slow)])
 def test_a_signal_at_a_random_moment(tmp_path, kind):
     assert sum(moments(kind, tmp_path, 2, forked, KINDS.index(kind)).values()) == 2
 

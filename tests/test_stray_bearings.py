@@ -15,7 +15,7 @@ KINDS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [pytest.param("gp", marks=pytest.mark.slow), "motion_gp"])
 def test_one_bearing_in_twenty_off_by_twenty_degrees_is_no_harm(kind):
     rng = np.random.default_rng(0)
     times = np.arange(0.0, 50.0, 0.1)

@@ -19,11 +19,12 @@ from gbt_ocp.experiments import run as run_module
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.result import Result
 from gbt_ocp.experiments.sweep import carry_out as sweeping
-from gbt_ocp.experiments.sweep import execution
+from gbt_ocp.experiments.sweep import execution, task_folder
 from gbt_ocp.experiments.sweep.carry_out import SweepInterrupted, sweep
 from gbt_ocp.experiments.sweep.engines import Serial, WorkerDiedError
-from gbt_ocp.experiments.sweep.plan import plan_sweep
+from gbt_ocp.experiments.sweep.plan import SweepPlan, plan_sweep, variant
 from gbt_ocp.experiments.sweep.table import WALL_CLOCK_COLUMNS, write_table
+from gbt_ocp.files import PARTIAL, whole_folder
 
 SHORT = {"problem": "case1", "duration_s": 1.0, "guidance": {"kind": "random"}}
 GRID = {"sensor.noise_deg": [0.0, 1.0]}
@@ -58,7 +59,7 @@ def test_rows_are_what_single_runs_are(done):
     assert done.arrays(done.matching(**{"sensor.noise_deg": 1.0}), "error").shape == (3, *result.history.error.shape)
 
 
-@pytest.mark.parametrize("who", [{"jobs": 2}, {"dask": "local"}])
+@pytest.mark.parametrize("who", [{"jobs": 2}, pytest.param({"dask": "local"}, marks=pytest.mark.slow)])
 def test_engines_give_the_same_table(done, tmp_path, who):
     if "dask" in who:
         pytest.importorskip("distributed")
@@ -89,6 +90,25 @@ def test_columns_of_mixed_values_are_written(tmp_path):
             "c": [None, "[1.0]", None],
             "d": [None, None, True],
         }
+
+
+def test_every_key_of_any_variant_is_a_column_before_the_numbers(tmp_path):
+    entries = [{}, {"sensor.noise_deg": 1.0}, {"tracker.window": 7, "sensor.noise_deg": 0.5}, {"tracker.window": 8}]
+    found = sweep(SHORT, runs=1, entries=entries, jobs=1, out=tmp_path / "sweep", histories=False)
+    rows = table(found.folder)
+    assert list(rows[0])[:6] == ["run", "status", "error", "seed", "sensor.noise_deg", "tracker.window"]
+    asked = [(row["sensor.noise_deg"], row["tracker.window"]) for row in rows]
+    assert asked == [("", ""), ("1.0", ""), ("0.5", "7"), ("", "8")]
+    assert [len(found.matching(**entry)) for entry in entries] == [4, 1, 1, 1]
+
+
+def test_a_label_that_only_some_variants_have_is_not_filled_from_the_summary(tmp_path):
+    plain = variant(SHORT, {})
+    labelled = variant(SHORT, {"sensor.noise_deg": 1.0}, labels={"steps": "noisy"})  # summaries have steps too
+    plan = SweepPlan((plain, labelled), (0,), histories=False)
+    sweeping.begin(tmp_path / "sweep", plan)
+    sweeping.carry_out(plan, tmp_path / "sweep", Serial())
+    assert [row["steps"] for row in table(tmp_path / "sweep")] == ["", "noisy"]
 
 
 class Stops:
@@ -210,6 +230,7 @@ def die_at_seed_one(run, folder, **how):
     return execution.execute(run, folder, **how)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="kills a process")
 def test_a_run_that_kills_its_worker_is_recorded(tmp_path, monkeypatch):
     monkeypatch.setattr(sweeping, "execute", die_at_seed_one)
@@ -219,18 +240,25 @@ def test_a_run_that_kills_its_worker_is_recorded(tmp_path, monkeypatch):
     assert sorted(entry.name for entry in (tmp_path / "sweep/runs").iterdir()) == [f"{n:06d}" for n in range(4)]
 
 
-def test_a_broken_engine_is_not_tried_for_ever(tmp_path):
-    class Broken:
+def test_a_lost_run_is_recorded(tmp_path, monkeypatch):
+    class Lost:
         def map(self, function, jobs):
-            raise WorkerDiedError("no worker ever starts")
+            place = tmp_path / "sweep" / "runs" / "000001"
+            with contextlib.suppress(WorkerDiedError), whole_folder(place) as temporary:
+                shutil.copytree(temporary, temporary.with_name(f".000001{PARTIAL}dead"))  # what its worker had begun
+                raise WorkerDiedError("killed")
+            yield from Serial().map(function, [job for job in jobs if job.seed != 1])
+            raise WorkerDiedError("killed")
 
-    plan = plan_sweep(SHORT, runs=1)
+    plan = plan_sweep(SHORT, runs=3)
     sweeping.begin(tmp_path / "sweep", plan)
-    with pytest.raises(ConfigurationError) as caught:
-        sweeping.carry_out(plan, tmp_path / "sweep", Broken())
-    assert caught.value.faults == [
-        "found workers that die before they begin (no worker ever starts); allowed: workers that live"
-    ]
+    again = []
+    monkeypatch.setattr(task_folder, "Processes", lambda count: again.append(count) or Lost())
+    found = sweeping.carry_out(plan, tmp_path / "sweep", Lost())
+    assert again == [1]
+    assert [row["status"] for row in found.rows] == ["done", "failed", "done"]
+    assert "the process died" in found.rows[1]["error"]
+    assert sorted(entry.name for entry in (tmp_path / "sweep/runs").iterdir()) == [f"{n:06d}" for n in range(3)]
 
 
 COMMAND = [sys.executable, "-m", "gbt_ocp.cli", "sweep"]
@@ -250,8 +278,9 @@ def killed_when(folder, count, arguments, number):
     return process.returncode, errors
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="kills processes")
-@pytest.mark.parametrize("runs", [8, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [8, 200])
 def test_killed_twice_and_resumed_the_table_is_the_same(tmp_path, runs):
     arguments = ["case1", "--runs", str(runs), "--set", "duration_s=1.0", "guidance.kind=random"]
     folder = tmp_path / "killed"
@@ -270,7 +299,7 @@ def test_killed_twice_and_resumed_the_table_is_the_same(tmp_path, runs):
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for child processes in /proc")
-def test_workers_take_up_no_further_run_when_the_sweep_is_killed_alone(tmp_path):
+def test_workers_take_up_no_further_run_when_the_sweep_is_killed_alone_and_it_is_resumed(tmp_path):
     def state_and_parent(pid):
         try:
             state, parent = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[:2]
@@ -282,7 +311,8 @@ def test_workers_take_up_no_further_run_when_the_sweep_is_killed_alone(tmp_path)
         return [pid for pid in pids if state_and_parent(pid)[0] not in ("gone", "Z", "X")]
 
     folder = tmp_path / "sweep"
-    arguments = ["case1", "--runs", "400", "--set", "duration_s=1.0", "guidance.kind=random", "--jobs", "2", "--quiet"]
+    short, runs = ["duration_s=1.0", "guidance.kind=random"], 40
+    arguments = ["case1", "--runs", str(runs), "--set", *short, "--jobs", "2", "--quiet"]
     process = subprocess.Popen([*COMMAND, *arguments, "--out", str(folder)], process_group=0)
     try:
         deadline = time.monotonic() + 120.0
@@ -300,14 +330,18 @@ def test_workers_take_up_no_further_run_when_the_sweep_is_killed_alone(tmp_path)
             time.sleep(0.05)
         assert not working(workers)
         # what was being run is finished; four more were waiting
-        assert len(list((folder / "runs").glob("[0-9]*"))) <= there + 2
+        assert len(list((folder / "runs").glob("[0-9]*"))) <= there + 2 < runs
     finally:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
+    sweep(resume=folder, jobs=1)
+    whole = sweep("case1", runs=runs, overrides=short, jobs=1, out=tmp_path / "whole")
+    assert table(folder) == table(whole.folder)
+    assert sorted(entry.name for entry in (folder / "runs").iterdir()) == [f"{n:06d}" for n in range(runs)]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends a signal")
-@pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.parametrize("jobs", [pytest.param("1", marks=pytest.mark.slow), "2"])
 def test_interrupt_keeps_what_is_finished_and_says_how_to_go_on(tmp_path, jobs):
     folder = tmp_path / "sweep"
     arguments = ["case1", "--runs", "300", "--set", "duration_s=2.0", "guidance.kind=random", "--jobs", jobs]

@@ -14,7 +14,6 @@ from gbt_ocp.experiments.config.allowed import holds_texts
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.config.schema import is_text
-from gbt_ocp.experiments.result import Result
 from gbt_ocp.experiments.sweep.plan import plan_sweep, read_axis, read_entries
 
 LOOK_ALIKES = ["2024-05-01", "007", "1e5", "1.0", "no", "on", "True", "0x1F", "1_000", "-3", "0b11", "2024"]
@@ -130,16 +129,3 @@ def test_aliases_within_reason_are_values(tmp_path):
     file = tmp_path / "config.yaml"
     file.write_text("tracker: {prior: {position: &p [1, 2], std: 3}}\nvehicle: {start: {position_m: *p}}\n")
     assert load_config(file).vehicle.start.position_m == (1.0, 2.0)
-
-
-def test_a_run_folder_with_such_a_configuration_is_read(tmp_path, monkeypatch):
-    from synthetic_run import history  # arrays of a run that was not run
-
-    from gbt_ocp.simulation import run_folder
-
-    history(steps=20).save_npz(tmp_path / "history.npz")
-    run_folder.write_summary(tmp_path, {})
-    (tmp_path / "config.yaml").write_text(BOMBS["mappings"] + "sensor: {period_s: 0.1}\n")
-    configuration = Result.load(tmp_path).configuration
-    assert configuration.sensor.period_s == 0.1
-    assert configuration.z.p is configuration.z.q

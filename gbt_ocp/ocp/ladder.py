@@ -49,10 +49,11 @@ class _Attempt(NamedTuple):
 class Ladder:
     """Attempts of a solver, and the answers where they fail, in the order of the generated C.
 
-    The first attempt starts from the rest of the previous plan. It is answered by that rest, if its first piece keeps
-    the limits or mends what is broken already, by a cold solve, by what the solver had when its iterations were spent,
-    if the first piece of that keeps the thrust limits, and by a braking plan. Any other failed solution is never
-    executed and never a warm start. The iterations are bounded by those the solver allows itself in each solve.
+    The first attempt starts from the rest of the previous plan. It is answered by what the solver had when its
+    iterations were spent, or by that rest, if the first piece keeps the limits or mends what is broken already; by a
+    cold solve; by what the solver had, if its first piece keeps the thrust limits; and by a braking plan. Any other
+    failed solution is never executed and never a warm start. The iterations are bounded by those the solver allows
+    itself in each solve.
 
     Parameters
     ----------
@@ -86,20 +87,21 @@ class Ladder:
         first = self._attempt(given, coasting if rest is None else rest / self._scale, cold=rest is None)
         fallback, trajectory = "", first.trajectory
         iterations, tightened, unfinished = first.iterations, first.tightened, first.unfinished
+        if trajectory is None and unfinished is not None and self._keeps(given, unfinished):
+            # nearer to a solution than what it started from, and so is the next step that starts from it
+            fallback, trajectory = "unfinished", unfinished
         if trajectory is None and rest is not None:
             # From where the vehicle really is, which is where the previous plan led unless it was pushed.
             candidate = FlatTrajectory(period, start, rest)
-            if not np.any(self._excess(given, self._check.survey(candidate, limits)[:, 0]) > 0.0):
+            if self._keeps(given, candidate):
                 fallback, trajectory = "shifted", candidate
         if trajectory is None and rest is not None:
             again = self._attempt(given, coasting, cold=True)
             fallback, trajectory = "cold", again.trajectory
             iterations, tightened = iterations + again.iterations, tightened + again.tightened
             unfinished = unfinished or again.unfinished
-        if trajectory is None and unfinished is not None:
-            excess = self._excess(given, self._check.survey(unfinished, limits)[:, 0])
-            if not np.any(excess[self._thrust] > 0.0):
-                fallback, trajectory = "unfinished", unfinished
+        if trajectory is None and unfinished is not None and self._keeps(given, unfinished, thrust_only=True):
+            fallback, trajectory = "unfinished", unfinished
         if trajectory is None:
             fallback, trajectory = "braking", self._braking(start)
         return self._judge(given, trajectory, first.status, fallback, iterations, tightened)
@@ -124,6 +126,11 @@ class Ladder:
             given_up=given_up,
             broken_at_start=given.broken,
         )
+
+    def _keeps(self, given: _Given, trajectory: FlatTrajectory, *, thrust_only: bool = False) -> bool:
+        """Whether the first piece keeps the limits but for what cannot be helped: those on thrust, or all."""
+        excess = self._excess(given, self._check.survey(trajectory, given.limits)[:, 0])
+        return not np.any(excess[self._thrust] > 0.0 if thrust_only else excess > 0.0)
 
     def _excess(self, given: _Given, fine: Array) -> Array:
         """How far judged limits are broken in the first piece beyond what cannot be helped ``(count,)``, at least 0.

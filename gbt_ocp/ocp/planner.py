@@ -27,9 +27,9 @@ class Planner:
     The true limits of every solution are checked on a fine grid. If the piece that will be executed breaks some between
     the nodes, these limits are tightened by what was found and the problem is solved again. Where the limits cannot all
     be kept, thrust is, and the others give by as little as that allows, those on what is only believed of the target
-    first: :attr:`~gbt_ocp.ocp.plan.Plan.given_up` names them. A failed solve is answered, in this order, by the rest of
-    the previous plan if its next piece keeps the limits, by a cold solve, by what the solver had when its iterations
-    were spent, if the first piece of that keeps the thrust limits, and by a braking plan.
+    first: :attr:`~gbt_ocp.ocp.plan.Plan.given_up` names them. A failed solve is answered, in this order, by what the
+    solver had when its iterations were spent, or by the rest of the previous plan, if the next piece keeps the limits;
+    by a cold solve; by what the solver had, if its first piece keeps the thrust limits; and by a braking plan.
 
     With the compiled solver all of that is done by the C code that :func:`gbt_ocp.ocp.export.folder.write_c` writes,
     with any other by :class:`gbt_ocp.ocp.ladder.Ladder`, which gives the same answers in the same order.

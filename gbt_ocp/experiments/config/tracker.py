@@ -33,9 +33,7 @@ def _enough_kernels(value: tuple[str, ...], info: ValidationInfo) -> tuple[str, 
 class Prior(Section):
     """What is known of the target's position before the first bearing."""
 
-    position: PositionNumbers = Field(
-        description="Expected position in m.", json_schema_extra={"allowed": "{d} numbers"}
-    )
+    position: PositionNumbers = key(..., "Expected position in m.")
     std: float | None = key(
         None, "Standard deviation on each axis in m.", "a number > 0, or null beside covariance", gt=0.0
     )
@@ -49,17 +47,16 @@ class Prior(Section):
 class TrackerSection(Section):
     """What all estimators share."""
 
-    kind: str = Field(description="Method.")
+    kind: str = key(..., "Method.")
     window: int = key(
         20,
         "N_c, bearings kept by gp, lmc and pr (default 12 in space). Other kinds, and gp with noise, have windows of "
         "their own; for them it is the number of bearings that the recorded condition number counts.",
-        "a whole number >= 2",
         ge=2,
     )
-    forecast: int = key(11, "n, sampling periods (or forecast_period_s) predicted ahead.", "a whole number >= 1", ge=1)
+    forecast: int = key(11, "n, sampling periods (or forecast_period_s) predicted ahead.", ge=1)
     forecast_period_s: Positive | None = key(
-        None, "Time between predicted positions in s; null is one sampling period.", "null, or a number > 0"
+        None, "Time between predicted positions in s; null is one sampling period."
     )
     prior: Prior | None = key(
         None, "Prior knowledge of the position.", "null, or a mapping with position and one of std, covariance"
@@ -69,16 +66,12 @@ class TrackerSection(Section):
 class ProcessSection(TrackerSection):
     """What the Gaussian-process trackers share."""
 
-    centre: Literal["origin", "vehicle"] = key("vehicle", "Where the prior mean lies.", "origin, vehicle")
-    length_scale: Literal["tuned"] | Positive = key(
-        "tuned", "Length scale in s, tuned on the window or fixed.", "tuned, or a number > 0"
-    )
+    centre: Literal["origin", "vehicle"] = key("vehicle", "Where the prior mean lies.")
+    length_scale: Literal["tuned"] | Positive = key("tuned", "Length scale in s, tuned on the window or fixed.")
     nugget: Literal["tuned"] | Positive = key(
-        "tuned",
-        "Variance of a measurement relative to the amplitude squared, tuned on the window or fixed.",
-        "tuned, or a number > 0",
+        "tuned", "Variance of a measurement relative to the amplitude squared, tuned on the window or fixed."
     )
-    bound_delta: float = key(0.05, "δ, probability that the error bound fails.", "a number in (0, 1]", gt=0.0, le=1.0)
+    bound_delta: float = key(0.05, "δ, probability that the error bound fails.", gt=0.0, le=1.0)
 
 
 def _own_or_named(value: Any) -> str:
@@ -88,10 +81,10 @@ def _own_or_named(value: Any) -> str:
 class GaussianProcessSection(ProcessSection):
     """The Gaussian-process tracker."""
 
-    kind: Literal["gp"] = Field("gp", description="Gaussian process.")
-    kernel: KernelName = key("se", "Kernel of the process, for exact bearings.", "se, matern32, matern52, rq")
+    kind: Literal["gp"] = key("gp", "Gaussian process.")
+    kernel: KernelName = key("se", "Kernel of the process, for exact bearings.")
     amplitude: Literal["tuned"] | Positive = key(
-        "tuned", "Prior standard deviation in m, tuned on the window or fixed.", "tuned, or a number > 0"
+        "tuned", "Prior standard deviation in m, tuned on the window or fixed."
     )
     noise: Annotated[
         Annotated[Literal["sensor"] | None, Tag("named")] | Annotated[NoisyBearings, Tag("own")],
@@ -108,7 +101,7 @@ class GaussianProcessSection(ProcessSection):
 class CoregionalizedSection(ProcessSection):
     """The Gaussian-process tracker with a linear model of coregionalization."""
 
-    kind: Literal["lmc"] = Field(description="Linear model of coregionalization.")
+    kind: Literal["lmc"] = key(..., "Linear model of coregionalization.")
     kernels: Annotated[tuple[KernelName, ...], BeforeValidator(as_tuples), AfterValidator(_enough_kernels)] | None = (
         key(
             None,
@@ -121,73 +114,60 @@ class CoregionalizedSection(ProcessSection):
 class SpeedPrior(Section):
     """What is known of the target's speed."""
 
-    median: float = key(1.0, "Median speed of the target in m/s.", "a number > 0", gt=0.0)
-    log_std: float = key(1.0, "Standard deviation of the logarithm of its speed.", "a number > 0", gt=0.0)
+    median: float = key(1.0, "Median speed of the target in m/s.", gt=0.0)
+    log_std: float = key(1.0, "Standard deviation of the logarithm of its speed.", gt=0.0)
 
 
 class RangePrior(Section):
     """What is known of the target's range."""
 
-    median_m: float = key(50.0, "Median range in m.", "a number > 0", gt=0.0)
-    log_std: float = key(1.0, "Standard deviation of the logarithm of the range.", "a number > 0", gt=0.0)
+    median_m: float = key(50.0, "Median range in m.", gt=0.0)
+    log_std: float = key(1.0, "Standard deviation of the logarithm of the range.", gt=0.0)
 
 
 class ShapeSection(TrackerSection):
     """What the trackers with a Gaussian process on the shape of the motion share."""
 
     noise: Noise = Field(default_factory=Noise, description="Noise of the bearings.")
-    bin_s: float = key(1.5, "Width of the bins in s over which bearings are averaged.", "a number > 0", gt=0.0)
+    bin_s: float = key(1.5, "Width of the bins in s over which bearings are averaged.", gt=0.0)
     window_s: float = key(60.0, "Age of the oldest bin in s.", "a number of at least 4 bins", gt=0.0)
-    update_s: float = key(
-        1.0, "Least time between two estimates in s; in between, the last one is predicted.", "a number >= 0", ge=0.0
-    )
+    update_s: float = key(1.0, "Least time between two estimates in s; in between, the last one is predicted.", ge=0.0)
     speed: SpeedPrior = Field(default_factory=SpeedPrior, description="Prior of the target's speed.")
     range: RangePrior = Field(default_factory=RangePrior, description="Prior of the target's range.")
     starts_m: PositiveNumbers | None = key(
-        None,
-        "Ranges in m at which a track is begun; null is four about the prior's median.",
-        "null, or a list of numbers > 0",
+        None, "Ranges in m at which a track is begun; null is four about the prior's median."
     )
-    hypotheses: int = key(3, "Largest number of distinct motions kept.", "a whole number >= 1", ge=1)
+    hypotheses: int = key(3, "Largest number of distinct motions kept.", ge=1)
     memory: float | None = key(
         3.0,
         "Factor on the deviations of position and velocity remembered from before the window; null remembers nothing.",
-        "null, or a number > 0",
         gt=0.0,
     )
-    gate: float | None = key(
-        4.0,
-        "Standardised residual from which a bearing is suspected; null trusts all.",
-        "null, or a number > 0",
-        gt=0.0,
-    )
-    turn_kernel: Literal["matern32", "ou"] = key("matern32", "Kernel of the turn rate.", "matern32, ou")
+    gate: float | None = key(4.0, "Standardised residual from which a bearing is suspected; null trusts all.", gt=0.0)
+    turn_kernel: Literal["matern32", "ou"] = key("matern32", "Kernel of the turn rate.")
     turn_rate_std: PositiveNumbers = key(
-        (0.01, 0.03, 0.09), "Standard deviations of the turn rate in rad/s, averaged over.", "a list of numbers > 0"
+        (0.01, 0.03, 0.09), "Standard deviations of the turn rate in rad/s, averaged over."
     )
-    turn_time_s: PositiveNumbers = key(
-        (8.0, 25.0), "Time scales of the turn rate in s, averaged over.", "a list of numbers > 0"
-    )
+    turn_time_s: PositiveNumbers = key((8.0, 25.0), "Time scales of the turn rate in s, averaged over.")
     speed_change_std: PositiveNumbers = key(
-        (0.03, 0.1, 0.3), "Standard deviations of the change of log speed, averaged over.", "a list of numbers > 0"
+        (0.03, 0.1, 0.3), "Standard deviations of the change of log speed, averaged over."
     )
-    speed_time_s: float = key(30.0, "Time scale of the change of log speed in s.", "a number > 0", gt=0.0)
+    speed_time_s: float = key(30.0, "Time scale of the change of log speed in s.", gt=0.0)
 
 
 class MotionSection(ShapeSection):
     """Gaussian process on the shape of the motion."""
 
-    kind: Literal["motion_gp"] = Field(description="Gaussian process on turn rate and log speed.")
+    kind: Literal["motion_gp"] = key(..., "Gaussian process on turn rate and log speed.")
 
 
 class MixtureSection(ShapeSection):
     """Gaussian processes on the shape of the motion and on the velocity."""
 
-    kind: Literal["mixture"] = Field(description="Gaussian processes on the motion's shape and on the velocity.")
+    kind: Literal["mixture"] = key(..., "Gaussian processes on the motion's shape and on the velocity.")
     velocity_time_s: float = key(
         20.0,
         "Median time scale of the velocity in s; scales from a quarter to four times as long are averaged over.",
-        "a number > 0",
         gt=0.0,
     )
 
@@ -196,116 +176,100 @@ class BaselineSection(TrackerSection):
     """What the estimators share that the paper compares with."""
 
     initial_range_m: float = key(
-        3.0, "Range in m at which the first bearing puts the target where there is no prior.", "a number > 0", gt=0.0
+        3.0, "Range in m at which the first bearing puts the target where there is no prior.", gt=0.0
     )
 
 
 class OrthogonalityStaticSection(BaselineSection):
     """Orthogonality-based estimator of a static target."""
 
-    kind: Literal["oe_s"] = Field(description="Orthogonality-based, static target.")
-    position_gain: float = key(10.0, "Gain on the position in 1/s (k1, c1).", "a number > 0", gt=0.0)
+    kind: Literal["oe_s"] = key(..., "Orthogonality-based, static target.")
+    position_gain: float = key(10.0, "Gain on the position in 1/s (k1, c1).", gt=0.0)
 
 
 class OrthogonalityVelocitySection(BaselineSection):
     """Orthogonality-based estimator of a target with constant velocity."""
 
-    kind: Literal["oe_cv"] = Field(description="Orthogonality-based, constant velocity.")
-    position_gain: float = key(5.0, "Gain on the position in 1/s (k1, c1).", "a number > 0", gt=0.0)
-    velocity_gain: float = key(0.1, "Gain on the velocity in 1/s^2 (c2).", "a number > 0", gt=0.0)
+    kind: Literal["oe_cv"] = key(..., "Orthogonality-based, constant velocity.")
+    position_gain: float = key(5.0, "Gain on the position in 1/s (k1, c1).", gt=0.0)
+    velocity_gain: float = key(0.1, "Gain on the velocity in 1/s^2 (c2).", gt=0.0)
 
 
 class FilterSection(BaselineSection):
     """What the Kalman filters share."""
 
     initial_variance: float = key(
-        1.0,
-        "P0, variance of the velocity (and acceleration) in SI units, and of the position without a prior.",
-        "a number > 0",
-        gt=0.0,
+        1.0, "P0, variance of the velocity (and acceleration) in SI units, and of the position without a prior.", gt=0.0
     )
     process_noise: float = key(
-        0.1, "q, spectral density of the acceleration in m^2/s^3 under constant velocity.", "a number > 0", gt=0.0
+        0.1, "q, spectral density of the acceleration in m^2/s^3 under constant velocity.", gt=0.0
     )
 
 
 class PseudoLinearSection(FilterSection):
     """Pseudo-linear Kalman filter."""
 
-    kind: Literal["plkf"] = Field(description="Pseudo-linear Kalman filter.")
-    bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", "a number > 0", gt=0.0)
-    bias_compensated: bool = key(False, "Whether the bias of the update is taken off.", "true, false")
+    kind: Literal["plkf"] = key(..., "Pseudo-linear Kalman filter.")
+    bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", gt=0.0)
+    bias_compensated: bool = key(False, "Whether the bias of the update is taken off.")
 
 
 class InteractingModelsSection(FilterSection):
     """What both trackers with interacting multiple models share."""
 
-    jerk_noise: float = key(
-        0.1, "Spectral density of the jerk in m^2/s^5 where the acceleration varies.", "a number > 0", gt=0.0
-    )
-    stay_probability: float = key(
-        0.9, "Probability that a mode lasts for another measurement.", "a number between 0 and 1", gt=0.0, lt=1.0
-    )
-    turn_rate_max: float = key(2.0, "Largest turn rate in rad/s.", "a number > 0", gt=0.0)
+    jerk_noise: float = key(0.1, "Spectral density of the jerk in m^2/s^5 where the acceleration varies.", gt=0.0)
+    stay_probability: float = key(0.9, "Probability that a mode lasts for another measurement.", gt=0.0, lt=1.0)
+    turn_rate_max: float = key(2.0, "Largest turn rate in rad/s.", gt=0.0)
 
 
 class InteractingPseudoLinearSection(InteractingModelsSection):
     """Interacting multiple models with pseudo-linear updates."""
 
-    kind: Literal["imm_plkf"] = Field(description="Interacting models, bearings.")
-    bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", "a number > 0", gt=0.0)
+    kind: Literal["imm_plkf"] = key(..., "Interacting models, bearings.")
+    bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", gt=0.0)
 
 
 class InteractingPositionSection(InteractingModelsSection):
     """Interacting multiple models that see the target's position, missed where its bearing is."""
 
-    kind: Literal["imm_kf_f"] = Field(description="Interacting models, full positions.")
-    position_std_m: float = key(
-        0.0001, "Noise of the measured position in m, given to the filter too.", "a number > 0", gt=0.0
-    )
+    kind: Literal["imm_kf_f"] = key(..., "Interacting models, full positions.")
+    position_std_m: float = key(0.0001, "Noise of the measured position in m, given to the filter too.", gt=0.0)
 
 
 class ExtendedSection(BaselineSection):
     """What the extended filters share."""
 
-    initial_range_std_m: float = key(3.0, "Standard deviation in m of that range.", "a number > 0", gt=0.0)
+    initial_range_std_m: float = key(3.0, "Standard deviation in m of that range.", gt=0.0)
     initial_speed_std: float = key(
-        1.0, "Standard deviation of each component of the velocity in m/s at the start.", "a number > 0", gt=0.0
+        1.0, "Standard deviation of each component of the velocity in m/s at the start.", gt=0.0
     )
     process_noise: float = key(
-        0.1, "q, spectral density of the acceleration in m^2/s^3 under constant velocity.", "a number > 0", gt=0.0
+        0.1, "q, spectral density of the acceleration in m^2/s^3 under constant velocity.", gt=0.0
     )
-    bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", "a number > 0", gt=0.0)
+    bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", gt=0.0)
 
 
 class ExtendedKalmanSection(ExtendedSection):
     """Extended Kalman filter."""
 
-    kind: Literal["ekf"] = Field(description="Extended Kalman filter.")
+    kind: Literal["ekf"] = key(..., "Extended Kalman filter.")
 
 
 class InteractingExtendedSection(ExtendedSection):
     """Interacting multiple models with extended updates."""
 
-    kind: Literal["imm_ekf"] = Field(description="Interacting models, extended updates.")
+    kind: Literal["imm_ekf"] = key(..., "Interacting models, extended updates.")
     initial_variance: float = key(
-        1.0,
-        "P0, variance of the velocity (and acceleration) in SI units, and of the position without a prior.",
-        "a number > 0",
-        gt=0.0,
+        1.0, "P0, variance of the velocity (and acceleration) in SI units, and of the position without a prior.", gt=0.0
     )
-    jerk_noise: float = key(
-        0.1, "Spectral density of the jerk in m^2/s^5 where the acceleration varies.", "a number > 0", gt=0.0
-    )
-    stay_probability: float = key(
-        0.9, "Probability that a mode lasts for another measurement.", "a number between 0 and 1", gt=0.0, lt=1.0
-    )
-    turn_rate_max: float = key(2.0, "Largest turn rate in rad/s.", "a number > 0", gt=0.0)
+    jerk_noise: float = key(0.1, "Spectral density of the jerk in m^2/s^5 where the acceleration varies.", gt=0.0)
+    stay_probability: float = key(0.9, "Probability that a mode lasts for another measurement.", gt=0.0, lt=1.0)
+    turn_rate_max: float = key(2.0, "Largest turn rate in rad/s.", gt=0.0)
 
 
 class PolynomialSection(BaselineSection):
     """Polynomial regression."""
 
-    kind: Literal["pr"] = Field(description="Polynomial regression.")
-    order: int = key(3, "Degree of the polynomial.", "a whole number from 0 to 20", ge=0, le=20)
-    ridge: float = key(1.0e-8, "Weight of the coefficients beside the squared residuals.", "a number > 0", gt=0.0)
+    kind: Literal["pr"] = key(..., "Polynomial regression.")
+    order: int = key(3, "Degree of the polynomial.", ge=0, le=20)
+    ridge: float = key(1.0e-8, "Weight of the coefficients beside the squared residuals.", gt=0.0)

@@ -1,4 +1,4 @@
-"""A sweep from its plan to its table: taken up where it stopped, carried out by an engine, collected."""
+"""A sweep from its plan to its table: resumed where it stopped, carried out by an engine, collected."""
 
 from __future__ import annotations
 

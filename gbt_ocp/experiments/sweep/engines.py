@@ -168,7 +168,7 @@ def _prepare() -> None:
 
 
 def _carried_out(function: Callable[[Any], bool], job: Any, home: int) -> bool:
-    if os.name == "posix" and os.getppid() != home:  # the parent was killed, and whoever resumes carries this out too
+    if os.name == "posix" and os.getppid() != home:  # the parent was killed; its resumption does this job
         os._exit(1)
     return function(job)
 

@@ -1,4 +1,4 @@
-"""One run of a sweep, as a worker carries it out: its folder is written at once and whole, whatever happens."""
+"""One run of a sweep, as a worker carries it out, and what a failed run leaves."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ ARRAYS = "arrays.npz"
 def execute(run: PlannedRun, folder: Path, histories: bool = True, arrays: tuple[str, ...] = ()) -> bool:
     """Carry out a run and write its folder; whether it succeeded.
 
-    A run that raises leaves a folder with ``failure.json`` and stops nobody. The temporary folder is there from the
-    beginning: one whose process is gone tells of a run during which the process died.
+    A run that raises leaves a folder with ``failure.json`` and ends no other run. The temporary folder is there from
+    the beginning: one whose process is gone says that the process died during the run.
 
     Parameters
     ----------

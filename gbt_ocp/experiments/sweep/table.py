@@ -24,7 +24,7 @@ WALL_CLOCK_COLUMNS = (
     "steps_over_period",
     "wall_s",
 )
-"""Columns measured by a clock: all others are the same whoever carried out the runs, and in whatever order."""
+"""Columns measured by a clock: all others depend neither on the engine nor on the order of the runs."""
 
 Row = dict[str, Any]
 

@@ -134,8 +134,8 @@ class TaskFolder(Generic[Task]):
                 if deaths == DEATHS or isinstance(fault, NoWorkersError):
                     engine = _without_workers(engine, fault)
             for task in begun:
-                yield from self._alone(task)
-            left = [task for task in left if not self.place(task).exists()]
+                if (yield from self._alone(task)):
+                    left.remove(task)
 
     def _yielded(self, engine: Engine, tasks: Sequence[Task]) -> Iterator[tuple[Task, bool]]:
         for task, succeeded in engine.map(self.work, tasks):
@@ -145,16 +145,18 @@ class TaskFolder(Generic[Task]):
                 )
             yield task, succeeded
 
-    def _alone(self, task: Task) -> Iterator[tuple[Task, bool]]:
-        """Try a task again at which a worker died; what that worker had begun is removed first."""
+    def _alone(self, task: Task) -> Generator[tuple[Task, bool], None, bool]:
+        """Try a task again at which a worker died; whether it is done or lost, and not to be tried once more."""
         place = self.place(task)
-        remove_temporaries(place.parent, place.name, abandoned=False)
+        remove_temporaries(place.parent, place.name, abandoned=False)  # what the dead worker left
         try:
             yield from self._yielded(Processes(1), [task])
         except WorkerDiedError:
-            if self._temporaries(task):
-                self.lost(task)
-                yield task, False
+            if not self._temporaries(task):  # the worker died before it began
+                return False
+            self.lost(task)
+            yield task, False
+        return True
 
     def _temporaries(self, task: Task) -> list[Path]:
         place = self.place(task)

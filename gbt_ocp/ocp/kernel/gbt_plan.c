@@ -201,7 +201,14 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
     plan->status = found = attempt(planner, state, parameters, planner->warm,
                                    planner->warm ? deadline - deadline / 3 : deadline, plan);
     plan->origin = GBT_PLANNED;
-    if (found == GBT_ITERATION_LIMIT) some = keep(plan->top, unfinished);
+    if (found == GBT_ITERATION_LIMIT) {
+        /* Nearer to a solution than what it started from, and so is the next step that starts from it. */
+        some = keep(plan->top, unfinished);
+        if (keeps_limits(planner, state, moving, plan, 0)) {
+            plan->origin = GBT_UNFINISHED;
+            found = GBT_SOLVED;
+        }
+    }
     if (found != GBT_SOLVED && planner->warm) {
         /* From where the vehicle really is, which is where the previous plan led unless it was pushed. */
         shift(planner, plan->top);

@@ -101,12 +101,12 @@ def compare(
     problems
         Recorded problems of each configuration, at least; a quarter as many are drawn at random beside them.
     full
-        Give slow pairs all problems and all seeds too: the whole takes hours instead of minutes. A comparison without
-        it is completed when it is given again with it.
+        Give slow pairs all problems and all seeds too, which takes hours instead of minutes. A comparison without
+        it is completed by a second call with it.
     overrides
         ``key.path=value`` strings for all configurations that are not loaded yet.
     out
-        A new or empty folder, or that of the same comparison, which is then taken up where it stopped. By default
+        A new or empty folder, or that of the same comparison, which is then resumed where it stopped. By default
         ``runs/compare-NAMES``.
     jobs
         Processes, by default one a core. Processor time is measured within each, so it does not matter how many.

@@ -29,7 +29,7 @@ Check = Callable[[], None]
 
 
 def unasked() -> None:
-    """The check where nobody can interrupt."""
+    """The check where there is nothing to interrupt."""
 
 
 RECORDED, RANDOM = "recorded", "random"

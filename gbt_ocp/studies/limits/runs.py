@@ -20,7 +20,7 @@ SETTLING_S = 2.0
 
 
 def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked) -> Row:
-    """One run, in which the planner answers for its solver as ever: it checks, tightens and falls back.
+    """One run, in which the planner answers for its solver as in any run: it checks, tightens and falls back.
 
     ``check`` is called after each step.
 

@@ -24,7 +24,7 @@ NODES = (1, 2, 4, 8, 20)
 """Values of the sweeps; each is varied alone, the other settings being the configuration's. ϖ in units of the limit."""
 
 FORMS = {"penalty": "printed", "elastic": "elastic"}
-"""Formulations that are swept over ϖ, w_p and units with IPOPT, and how IPOPT is told the penalty in each."""
+"""Formulations that are swept over ϖ, w_p and units with IPOPT, and the form of the penalty that IPOPT gets in each."""
 
 PROBLEMS = {IPOPT: 4, COMPILED: 40}
 """Problems of a configuration on which a solver is swept, half recorded and half random."""
@@ -59,10 +59,10 @@ def sweeps(configuration: Configuration, pairs: list[Pair]) -> Iterator[Sweep]:
     for formulation in FORMS:
         if Pair(formulation, IPOPT) in pairs:
             for swept, found in points.items():
-                told = tuple(
+                settings = tuple(
                     (name, tuple(({"thrust_units": "normalised"} | changes).items())) for name, changes in found
                 )
-                yield Sweep(swept, Pair(formulation, IPOPT), told)
+                yield Sweep(swept, Pair(formulation, IPOPT), settings)
     for formulation in ("elastic", "hard", "exchange"):
         # exchange, compiled, would have a ladder of solvers generated for every value
         solvers = (IPOPT, COMPILED) if formulation == "exchange" else (COMPILED, IPOPT)
@@ -85,7 +85,7 @@ def solve_sweep(configuration: Configuration, problems: Problems, sweep: Sweep, 
             narrowest = float(kink_widths(problem, limit)[: configuration.dimension].min())
             kink = {"kink_mm": 1e3 * narrowest, "stiffness": stiffness(problem, limit)}
         if sweep.swept in ("width", "weight", "units"):
-            # ϖ and w_p are parameters of the program: it is built anew only for other units
+            # ϖ and w_p are parameters of the program: it is built again only for other units
             if planner is None or changed.planner.thrust_units != units:
                 solver = StagedPenalty(problem, [], FORMS[sweep.pair.formulation])
                 planner, units = Planner(problem, solver), changed.planner.thrust_units

@@ -1,4 +1,4 @@
-"""Bootstrap intervals of paired quantities, with whole runs as the units that are drawn."""
+"""Bootstrap intervals of paired quantities, whose resampled units are runs."""
 
 from __future__ import annotations
 

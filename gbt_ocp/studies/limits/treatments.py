@@ -76,7 +76,7 @@ def _continued(problem: TrajectoryProblem) -> StagedPenalty:
 
 @dataclass(frozen=True)
 class Share:
-    """How much of the work a slow solver gets, so that the whole takes minutes.
+    """How much of the work a slow solver gets, so that a comparison takes minutes.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ _SLOW = {IPOPT: Share(problems=0.5, seeds=0.0)}  # its solutions are those of th
 _SLOWEST = {IPOPT: Share(problems=0.3, seeds=0.1)}
 _LONG_WAY = {IPOPT: Share(problems=0.3, seeds=0.1, everywhere=False)}  # beside another one that steers likewise
 
-_NO_KINKS = "the kernel is told the kinks as inequalities, which is the formulation elastic; it has no other way"
+_NO_KINKS = "the kernel takes the kinks as inequalities, which is the formulation elastic; it has no other way"
 
 FORMULATIONS: dict[str, Formulation] = {
     "penalty": Formulation(
@@ -141,7 +141,7 @@ FORMULATIONS: dict[str, Formulation] = {
         shares=_LONG_WAY,
     ),
     "elastic": Formulation(
-        "the same penalty with its kinks told as inequalities: the same minimisers",
+        "the same penalty with its kinks as inequalities: the same minimisers",
         True,
         {
             IPOPT: _planner(lambda problem: IpoptSolver(problem, {})),

@@ -214,7 +214,7 @@ def _stiffness(tables: Tables) -> list[str]:
     rows = [
         row for row in tables["sensitivity"] if row["kink_mm"] is not None and row["swept"] not in ("gamma", "nodes")
     ]
-    for name, told in (("penalty", "as printed"), ("elastic", "told as inequalities (elastic)")):
+    for name, form in (("penalty", "as printed"), ("elastic", "given as inequalities (elastic)")):
         mine = [row for row in rows if row["formulation"] == name]
         if not mine:
             continue
@@ -222,7 +222,7 @@ def _stiffness(tables: Tables) -> list[str]:
         if not failing:
             low, high = min(column(mine, "kink_mm")), max(column(mine, "kink_mm"))
             lines.append(
-                f"The penalty {told} was solved by IPOPT at every setting, with kinks from {_short(low)} to "
+                f"The penalty {form} was solved by IPOPT at every setting, with kinks from {_short(low)} to "
                 f"{_short(high)} mm of endpoint motion (table sensitivity)."
             )
             continue
@@ -236,7 +236,7 @@ def _stiffness(tables: Tables) -> list[str]:
         )
         worst = [row for row in mine if row["stiffness"] >= hardest["stiffness"] * (1.0 - 1e-9)]
         lines.append(
-            f"The penalty {told} was solved by IPOPT in {safe}and not all from {_short(easiest)} on; at the stiffest "
+            f"The penalty {form} was solved by IPOPT in {safe}and not all from {_short(easiest)} on; at the stiffest "
             f"setting ({_short(hardest['stiffness'])}, a kink of {_short(hardest['kink_mm'])} mm of endpoint motion) "
             f"in {sum(row['solved'] for row in worst)} of {sum(row['problems'] for row in worst)} (table sensitivity)."
         )

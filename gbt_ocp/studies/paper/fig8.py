@@ -20,7 +20,7 @@ EVENTS = (10.0, 20.0)
 RECOVERY = 2.0
 """Seconds after an event from which the error counts as recovered."""
 UNFORESEEN = 8.8
-"""Seconds after an event until which forecasts do not yet reach the next one, which nobody can foresee."""
+"""Seconds after an event until which forecasts do not yet reach the next one, which no forecast can foresee."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def conduct(workbench: Workbench) -> Report:
     text = [
         f"{len(workbench.seeds)} runs of 30 s a row, preset `default`, hard limits. Outliers and manoeuvres come at "
         f"{' and '.join(f'{event:g}' for event in EVENTS)} s; recovered is what is later than {RECOVERY:g} s after one "
-        "and not so late that forecasts reach beyond the next, which nobody can foresee (their errors are in the "
+        "and not so late that forecasts reach beyond the next, which none can foresee (their errors are in the "
         "settled error). The figures show the median over the runs and the band from the 10 % to the 90 % quantile."
     ]
     return Report("Figure 8: robustness", text, _findings(found), {"fig8": table}, figures)

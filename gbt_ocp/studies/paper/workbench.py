@@ -1,4 +1,4 @@
-"""What a study works with: a place for its sweeps, somebody to carry them out, and the form of its report."""
+"""What a study works with: a place for its sweeps, an engine to carry them out, and the form of its report."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Report:
     tables, figures
         By the names of their files.
     files
-        Further texts, by the whole names of their files.
+        Further texts, by the names of their files with suffix.
     """
 
     title: str
@@ -63,7 +63,7 @@ class Report:
     files: Mapping[str, str] = field(default_factory=dict)
 
     def markdown(self) -> str:
-        """The whole report."""
+        """The report as Markdown."""
         parts = [f"# {self.title}", *self.text]
         if self.findings:
             lines = [
@@ -95,7 +95,7 @@ class Report:
         if not there or not ((folder / REPORT).is_file() or there <= names):
             yield
             return
-        # a rename, so that nobody ever sees half of a report
+        # a rename, so that there is never half of a report
         older = temporary_beside(folder)
         folder.rename(older)
         try:
@@ -133,7 +133,7 @@ class Workbench:
     engine
         Carries out the runs.
     tune
-        Whether parameters are searched for anew instead of taken as shipped.
+        Whether to search for parameters instead of taking the shipped ones.
     progress
         Whether to show progress bars.
     """

@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gbt_ocp.models.bearings import log_map, tangent_basis
 from gbt_ocp.tracking.bins import BinnedBearings
@@ -119,3 +120,39 @@ def row_covariance(
         lasting = noise.correlated(samples.times)[np.ix_(rows.sample, rows.sample)]
         matrix += np.outer(rows.ranges, rows.ranges) * lasting * (rows.axes @ rows.axes.T)
     return matrix
+
+
+def tail_weights(
+    rows: BearingRows,
+    samples: BinnedBearings,
+    covariance: Array,
+    unseen: NDArray[np.bool_],
+    white_variance: float,
+    own_std: float,
+    tails: float,
+) -> Array:
+    """Weights of the rows under heavy tails, from the expected squares of their residuals (EM).
+
+    Parameters
+    ----------
+    rows, samples
+        The rows, d-1 a sample, and the samples that they come from.
+    covariance
+        Of the position at each sample ``(N, d, d)`` in m², from the last fit.
+    unseen
+        Samples ``(N,)`` that the last fit has not seen: they are compared with its prediction.
+    white_variance
+        σ² of a bearing in rad².
+    own_std
+        Standard deviation of the own position in metres.
+    tails
+        Degrees of freedom of Student's t.
+    """
+    across = np.einsum("ri,rij,rj->r", rows.directions, covariance[rows.sample], rows.directions)
+    variance = white_variance + (own_std / rows.ranges) ** 2
+    square = rows.residuals**2 * samples.counts[rows.sample] / variance
+    predicted = across * samples.counts[rows.sample] / (rows.ranges**2 * variance)
+    expected = np.where(unseen[rows.sample], square / (1.0 + predicted), square + predicted)
+    size = covariance.shape[-1] - 1
+    total = expected.reshape(-1, size).sum(axis=1)
+    return np.repeat((tails + size) / (tails + total), size)

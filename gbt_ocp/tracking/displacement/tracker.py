@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
-from gbt_ocp.tracking.displacement.fit import Anchor, PosteriorMixture, DisplacementFit, Node, NodePosterior, grid
-from gbt_ocp.tracking.displacement.hypotheses import RangeHypothesis, MotionPriors, range_hypotheses
+from gbt_ocp.tracking.displacement.fit import Anchor, DisplacementFit, Node, NodePosterior, PosteriorMixture, grid
+from gbt_ocp.tracking.displacement.hypotheses import MotionPriors, RangeHypothesis, range_hypotheses
 from gbt_ocp.tracking.displacement.innovations import RECENT_BEARINGS, ResetTest, innovation
 from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS
-from gbt_ocp.tracking.displacement.rows import BearingRows, bearing_rows
+from gbt_ocp.tracking.displacement.rows import BearingRows, bearing_rows, tail_weights
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.gp.posterior import Hyperparameters
 from gbt_ocp.tracking.noise import BearingNoise
@@ -293,20 +293,13 @@ class NoisyGaussianProcessTracker(RestartingTracker):
     def _trust(
         self, rows: BearingRows, last: tuple[DisplacementFit, NodePosterior] | None, samples: BinnedBearings, node: Node
     ) -> Array:
-        """Weights of the rows under heavy tails, from the expected squares of their residuals (EM)."""
+        """Weights of the rows; ones without heavy tails, or without a fit that says what is expected."""
         if self._tails is None or last is None:
             return np.ones(len(rows.values))
-        covariance = last[0].predict(last[1], samples.times).covariance[rows.sample]
-        across = np.einsum("ri,rij,rj->r", rows.directions, covariance, rows.directions)
-        variance = node.white_variance + (self._noise.own_std / rows.ranges) ** 2
-        square = rows.residuals**2 * samples.counts[rows.sample] / variance
-        predicted = across * samples.counts[rows.sample] / (rows.ranges**2 * variance)
-        # a sample that the last fit has not seen is compared with its prediction
-        unseen = samples.times[rows.sample] > last[0].samples.times[-1]
-        expected = np.where(unseen, square / (1.0 + predicted), square + predicted)
-        size = self.dimension - 1
-        total = expected.reshape(-1, size).sum(axis=1)
-        return np.repeat((self._tails + size) / (self._tails + total), size)
+        fit, solution = last
+        covariance = fit.predict(solution, samples.times).covariance
+        unseen = samples.times > fit.samples.times[-1]
+        return tail_weights(rows, samples, covariance, unseen, node.white_variance, self._noise.own_std, self._tails)
 
     def _judge_range(self, samples: BinnedBearings) -> None:
         """Decide whether range is observable at the oldest sample, of which the manoeuvres since say most."""

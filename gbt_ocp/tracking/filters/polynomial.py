@@ -24,8 +24,8 @@ class PolynomialRegression(RestartingTracker):
     Chebyshev's polynomials: the span of the powers, better conditioned. A window of N bearings has (d-1) N equations
     for d (order+1) unknowns; while they do not suffice the order is the largest for which they do, since a polynomial
     that is not determined goes astray when it is extrapolated (a reconstruction: the paper does not say). Until a
-    straight line is determined it is a point, held to the centre with the weight ``POINT_WEIGHT``: bearings that are nearly
-    parallel say little about a target that moves between them. The centre
+    straight line is determined it is a point, held to the centre with the weight ``POINT_WEIGHT``: bearings that are
+    nearly parallel say little about a target that moves between them. The centre
     is the prior position while the first bearing is in the window; afterwards, and where nothing is known, the point
     on the latest bearing at the prior's range. The spread of the prior is not used. There is no covariance.
 
