@@ -8,7 +8,7 @@ from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
 from gbt_ocp.models.sensors import BearingSensor
-from gbt_ocp.tracking.bins import BinnedBearings
+from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
 from gbt_ocp.tracking.displacement.fit import Anchor, DisplacementFit, Node
 from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS
 from gbt_ocp.tracking.displacement.rows import bearing_rows
@@ -221,6 +221,7 @@ class Told:
     """A part that says what it is told to."""
 
     dimension, range_observable = 2, True
+    bins = BearingBins(1.0, 60.0)
 
     def __init__(self, mean, covariance):
         self.said = Forecast(np.array([mean]), np.array([covariance]))

@@ -107,7 +107,7 @@ def test_a_lost_track_remembers_nothing():
         position=PositionPrior(own[0]),
     )
     fed(tracker, times, own, seen(target, own))
-    assert tracker._remembered() is not None
+    assert tracker._memory.recall(tracker.bins.begins, times[-1]) is not None
     later = times + 40.0
     # the target is somewhere else all at once
     own = around(later, 2)

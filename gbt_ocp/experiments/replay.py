@@ -26,6 +26,7 @@ from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.replay import BearingLog, ReplayedTrack, _followed
 from gbt_ocp.simulation.replay_scores import scores
 from gbt_ocp.simulation.summary import installed_versions
+from gbt_ocp.tracking.gaps import gap_warning
 from gbt_ocp.tracking.protocol import PositionTracker
 
 SHIPPED = "replay"
@@ -116,7 +117,8 @@ def replay(
     Warns
     -----
     RuntimeWarning
-        If the log seems to hold several contacts; the summary has the same under ``warnings``.
+        If the log seems to hold several contacts, or a tracker began a new track after a long gap; the summary has the
+        same under ``warnings``.
     """
     changes = list(overrides)
     if bearing_from is not None:
@@ -144,15 +146,23 @@ def replay(
                 [f"--tracker: found {name}, which needs positions; allowed: those that take bearings"]
             )
         tracks.append(_followed(name, tracker, data, section.ahead_s, progress))
+    begun = [
+        gap_warning(", ".join(track.name for track in tracks if track.new_tracks == times), times)
+        for times in dict.fromkeys(track.new_tracks for track in tracks)
+        if times
+    ]
+    for line in begun:
+        warnings.warn(f"{log}: {line}", RuntimeWarning, stacklevel=2)
     summary: dict[str, Any] = {
         "log": str(log),
         "bearings": len(data.times),
         "rows_without_bearing": data.own_rows,
         "duration_s": float(data.times[-1] - data.times[0]),
-        "warnings": list(data.warnings),
+        "warnings": [*data.warnings, *begun],
         "versions": installed_versions(),
         "trackers": {
-            track.name: scores(
+            track.name: {"new_tracks": len(track.new_tracks)}
+            | scores(
                 data,
                 track.times,
                 track.mean,

@@ -9,6 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from gbt_ocp.models.bearings import log_map
+from gbt_ocp.tracking.gaps import new_tracks
 from gbt_ocp.tracking.protocol import Tracker, relative_range_std
 from gbt_ocp.typing import Array
 
@@ -31,6 +32,8 @@ class ReplayedTrack:
         Measured bearing less the one predicted before it was known, in the tangent plane, ``(K, d-1)`` in radians.
     seconds
         Time the update took ``(K,)``.
+    new_tracks
+        Times in seconds of the bearings with which a new track began, after a gap far longer than the window.
     """
 
     name: str
@@ -41,6 +44,7 @@ class ReplayedTrack:
     ahead_covariance: Array
     residual: Array
     seconds: Array
+    new_tracks: tuple[float, ...] = ()
 
     def range_std_over_range(self, own: Array) -> Array:
         """Posterior deviation of the range over the range, seen from ``own`` ``(K, d)``: ``(K,)``."""
@@ -57,17 +61,22 @@ def _followed(
     count, d = log.own.shape
     means, covariances = np.empty((2, count, d)), np.empty((2, count, d, d))
     residual, seconds = np.full((count, d - 1), np.nan), np.empty(count)
+    begun: list[float] = []
     for k, t in enumerate(log.times):
         if k:
             residual[k] = _angle_from(tracker.predict([t]).mean[0] - log.own[k], log.bearings[k])
         began = perf_counter()
         tracker.update(t, log.bearings[k], log.own[k])
         seconds[k] = perf_counter() - began
+        if new_tracks(tracker) > len(begun):
+            begun.append(float(t))
         forecast = tracker.predict([t, t + ahead])
         means[:, k], covariances[:, k] = forecast.mean, forecast.covariance
         if progress is not None:
             progress(name, k + 1, count)
-    return ReplayedTrack(name, log.times, means[0], covariances[0], means[1], covariances[1], residual, seconds)
+    return ReplayedTrack(
+        name, log.times, means[0], covariances[0], means[1], covariances[1], residual, seconds, tuple(begun)
+    )
 
 
 def _angle_from(line: Array, bearing: Array) -> Array:

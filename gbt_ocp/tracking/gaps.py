@@ -8,20 +8,24 @@ ends the gap, so that time and memory are bounded by the window and not by the g
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 
 from gbt_ocp.typing import Array
 
 WINDOWS = 10.0
 """Windows that a gap may last before the track begins again."""
 
-TYPICAL_WINDOW = 20
-"""Bearings in the window of a filter, which keeps none: only their interval counts."""
+FILTER_WINDOW = 100
+"""Bearings that count as the window of a filter, which has none of its own: it forgets more slowly than a window."""
 
 ENOUGH_INTERVALS = 10
 """Intervals from whose mean the length of a window of so many bearings is known."""
 
 LONGEST_UNKNOWN = 3600.0
-"""Longest gap in seconds before that."""
+"""Longest gap in seconds before that, unless an earlier track of few bearings has ended in a longer one."""
+
+MOST_TIMES = 5
+"""Times of new tracks that a warning names."""
 
 
 class Gaps:
@@ -41,10 +45,11 @@ class Gaps:
         Long gaps that have ended.
     """
 
-    def __init__(self, *, span: float | None = None, bearings: int = TYPICAL_WINDOW) -> None:
+    def __init__(self, *, span: float | None = None, bearings: int = FILTER_WINDOW) -> None:
         self.count = 0
         self._span = span
         self._bearings = bearings
+        self._unknown = LONGEST_UNKNOWN
         self._began = self._latest = float("nan")
         self._taken = 0
 
@@ -54,7 +59,7 @@ class Gaps:
         if self._span is not None:
             return WINDOWS * self._span
         if self._taken <= ENOUGH_INTERVALS:
-            return LONGEST_UNKNOWN
+            return self._unknown
         return WINDOWS * self._bearings * (self._latest - self._began) / (self._taken - 1)
 
     def ended(self, time: float) -> bool:
@@ -62,6 +67,9 @@ class Gaps:
         long = self._taken > 0 and time - self._latest > self.longest
         if long:
             self.count += 1
+            if self._taken <= ENOUGH_INTERVALS:
+                # bearings may come once a day: only the first such interval is taken for a gap
+                self._unknown = WINDOWS * self._bearings * (time - self._latest)
             self._taken = 0
         if not self._taken:
             self._began = time
@@ -86,3 +94,26 @@ class RestartingTracker(ABC):
     @abstractmethod
     def _restart(self, own: Array) -> None:
         """Set the state of a tracker that has seen no bearing, with the vehicle at ``own`` ``(d,)``."""
+
+
+def new_tracks(tracker: object) -> int:
+    """How often a tracker has begun a new track after a gap; 0 for one that never does."""
+    return tracker.new_tracks if isinstance(tracker, RestartingTracker) else 0
+
+
+def gap_warning(name: str, times: Sequence[float]) -> str:
+    """A line that says when a tracker began new tracks.
+
+    Parameters
+    ----------
+    name
+        Of the tracker, or the names of several.
+    times
+        In seconds; at least one.
+    """
+    count = len(times)
+    shown = ", ".join(f"{time:.10g}" for time in times[:MOST_TIMES]) + (", ..." if count > MOST_TIMES else "")
+    return (
+        f"{name}: {count} new track{'s' * (count > 1)}, at t = {shown} s: before {'each' if count > 1 else 'it'}, no "
+        f"bearing for more than {WINDOWS:g} times the window (a pause, or a clock that was set)"
+    )
