@@ -2,7 +2,9 @@
 
 import csv
 import json
-import tracemalloc
+import sys
+from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,13 +18,29 @@ from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.tracking.gaps import ENOUGH_INTERVALS, FILTER_WINDOW, LONGEST_UNKNOWN, WINDOWS, Gaps
 from gbt_ocp.tracking.protocol import PositionTracker
 
-MEGABYTE = 2**20
+ROOM = 300 * 2**20
+"""Bytes that a tracker may take beyond what the process has; where memory grew with the pause, motion_gp took 1.2 GB
+for half an hour."""
+
 MINUTE, HOUR, DAY = 60.0, 3600.0, 86400.0
+linux = pytest.mark.skipif(sys.platform != "linux", reason="a limit on memory that holds")
 KINDS = {
     **{name: [f"tracker.kind={name}"] for name in TRACKERS},
+    "lmc": ["tracker.kind=lmc", "tracker.length_scale=2.0", "tracker.nugget=0.001"],
     "noisy gp": ["tracker.kind=gp", "tracker.noise={std_deg: 1.0}"],
     "binned gp": ["tracker.kind=gp", "tracker.noise={std_deg: 1.0, bin_s: 2.0, window_s: 30.0}"],
 }
+# the noisy kinds share their class with the mixture, and take seconds
+EVERY = [pytest.param(name, marks=[pytest.mark.slow] if name.endswith(" gp") else []) for name in KINDS]
+
+SMALL = [
+    "tracker.window_s=20",
+    "tracker.bin_s=2",
+    "tracker.update_s=2",
+    "tracker.turn_rate_std=[0.03]",
+    "tracker.turn_time_s=[8]",
+    "tracker.speed_change_std=[0.1]",
+]
 
 
 def built(name):
@@ -41,79 +59,67 @@ def sailed(times):
 
 
 def fed(tracker, times):
-    """Feed bearings, and ask for the track as replay does; largest forecast error over the last ten."""
-    rng = np.random.default_rng(0)
+    """Feed bearings, and ask for the track as replay does."""
     for t, own, target in zip(times, *sailed(times), strict=True):
         if isinstance(tracker, PositionTracker):
             tracker.update_position(t, target)
         else:
             tracker.predict([t])
-            tracker.update(t, rotate_bearing(unit_bearing(target, own), 0.01 * rng.standard_normal(1)), own)
+            tracker.update(t, rotate_bearing(unit_bearing(target, own), np.array([0.01 * np.sin(7.0 * t)])), own)
         forecast = tracker.predict([t, t + 10.0])
         assert np.all(np.isfinite(forecast.mean))
 
 
-def peak(call):
-    tracemalloc.start()
+@contextmanager
+def little_memory():
+    """A limit on the memory of the process (Linux has one that holds)."""
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    has = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (has + ROOM, hard))
     try:
-        call()
-        return tracemalloc.get_traced_memory()[1] / MEGABYTE
+        yield
     finally:
-        tracemalloc.stop()
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
 def with_gaps(*gaps):
-    """Thirty bearings before each gap (s), and after the last."""
-    one, times = 0.5 * np.arange(30), [0.5 * np.arange(30)]
+    """Fifteen bearings before each gap (s), and after the last."""
+    one, times = 0.5 * np.arange(15), [0.5 * np.arange(15)]
     for gap in gaps:
         times.append(times[-1][-1] + gap + one)
     return np.concatenate(times)
 
 
-@pytest.mark.parametrize("name", KINDS)
-def test_memory_does_not_grow_with_the_gap_and_a_new_track_begins(name):
-    """Pauses of 30 minutes to a week, and a clock that is set from 0 to a time of the calendar."""
-    usual = peak(lambda: fed(built(name), with_gaps(0.5)))
+@linux
+@pytest.mark.parametrize("name", EVERY)
+def test_memory_does_not_grow_with_a_gap_nor_with_a_forecast_far_ahead(name):
+    """Clocks that are set by a little, pauses of 30 minutes and of a week, and a time of the calendar instead of 0."""
     tracker = built(name)
-    long = [30 * MINUTE, 2 * HOUR, DAY, 7 * DAY, 1.7e9]
-    assert peak(lambda: fed(tracker, with_gaps(*long))) < 2.0 * usual + 2.0
+    with little_memory():
+        fed(tracker, with_gaps(20.0, 190.0, 450.0))
+        for ahead in (HOUR, DAY, 1.7e9):
+            assert np.all(np.isfinite(tracker.predict([ahead]).mean))
+    before = tracker.new_tracks
+    assert before <= 2
+    tracker = built(name)
+    long = [30 * MINUTE, 7 * DAY, 1.7e9]
+    with little_memory():
+        fed(tracker, with_gaps(*long))
     assert tracker.new_tracks == len(long)
 
 
-@pytest.mark.parametrize("name", KINDS)
-def test_memory_is_bounded_below_the_gap_that_begins_a_new_track(name):
-    """A clock that is set a little; the track goes on through what is shorter than ten windows."""
-    usual = peak(lambda: fed(built(name), with_gaps(0.5)))
-    tracker = built(name)
-    assert peak(lambda: fed(tracker, with_gaps(20.0, 95.0, 190.0, 450.0))) < 2.0 * usual + 4.0
-    assert tracker.new_tracks <= 3
+@linux
+def test_the_limit_on_memory_bites():
+    with little_memory(), pytest.raises(MemoryError):
+        np.ones(ROOM // 4)
 
 
-@pytest.mark.parametrize("name", KINDS)
-def test_a_forecast_far_ahead_takes_no_more_memory_than_one_nearby(name):
-    tracker = built(name)
-    fed(tracker, with_gaps(0.5)[:40])
-    nearby = peak(lambda: tracker.predict([25.0, 60.0]))
-    for ahead in (HOUR, DAY, 7 * DAY, 1.7e9):
-        found = []
-        assert peak(lambda at=ahead, into=found: into.append(tracker.predict([at]))) < nearby + 4.0
-        assert np.all(np.isfinite(found[0].mean))
-
-
-def test_the_next_estimate_after_a_forecast_far_ahead_takes_no_more_memory_either():
-    """Trackers that prepare the next forecast as far ahead as the last one was asked for."""
-    for name in ("motion_gp", "mixture"):
-        tracker = built(name)
-        times = with_gaps(0.5)
-        fed(tracker, times[:40])
-        tracker.predict([1.7e9])
-        assert peak(lambda it=tracker, rest=times[40:]: fed(it, rest)) < 20.0
-
-
-@pytest.mark.parametrize("name", sorted(set(KINDS) - {"imm_kf_f", "oe_s", "oe_cv", "plkf", "imm_plkf"}))
+@pytest.mark.parametrize("name", EVERY)
 def test_a_track_after_a_gap_is_that_of_a_tracker_that_has_seen_nothing_before(name):
     """The prior position belongs to the first track alone, so here there is none."""
-    after = with_gaps(DAY)[30:]
+    after = with_gaps(DAY)[15:]
     went_on, fresh = built(name), built(name)
     fed(went_on, with_gaps(DAY))
     fed(fresh, after)
@@ -153,7 +159,7 @@ def write_log(path, times):
     return path
 
 
-QUICK = ["tracker.window_s=20", "replay.constant_range_m=[]", "replay.score_from_s=0"]
+QUICK = [*SMALL, "replay.constant_range_m=[]", "replay.score_from_s=0"]
 
 
 @pytest.mark.parametrize("more", [{}, {"latency": 0.4}])
@@ -167,7 +173,7 @@ def test_a_replay_says_how_many_new_tracks_there_are_and_when(tmp_path, more):
     assert len(lines) == 1
     assert "motion_gp, ekf, pr: 2 new tracks" in lines[0]
     for begun in found.tracks[0].new_tracks:
-        assert np.min(np.abs(np.array([86414.5, 1700086429.0]) - begun)) <= 0.5 + late
+        assert np.min(np.abs(np.array([86407.0, 1700086414.0]) - begun)) <= 0.5 + late
     assert [found.summary["trackers"][name]["new_tracks"] for name in ("motion_gp", "ekf", "pr")] == [2, 2, 2]
     assert any("2 new tracks" in line for line in found.summary["warnings"])
 
@@ -191,7 +197,7 @@ def test_a_clock_that_is_set_back_is_one_line(tmp_path, capsys):
 
 def test_the_summary_on_disk_has_the_number(tmp_path):
     log = write_log(tmp_path / "log.csv", with_gaps(DAY))
-    with pytest.warns(RuntimeWarning, match="ekf: 1 new track, at t = 86414.5 s"):
+    with pytest.warns(RuntimeWarning, match="ekf: 1 new track, at t = 86407 s"):
         replay(log, trackers=["ekf"], bearing_from="x", overrides=QUICK).save(tmp_path / "out", figures=False)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["trackers"]["ekf"]["new_tracks"] == 1
