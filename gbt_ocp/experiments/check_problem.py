@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gbt_ocp.experiments.build.far_priors import far_priors
 from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.schema import Configuration
@@ -80,6 +81,8 @@ def _findings(configuration: Configuration) -> list[Finding]:
     forecast_times = configuration.forecast_period * np.arange(configuration.tracker.forecast + 1)
     found.append(_of_target(loop.target, configuration.duration_s + forecast_times[-1]))
     found.extend(_of_vehicle(loop.vehicle))
+    begins = start[0, : configuration.dimension]
+    found.extend(Finding("tracker", line, True) for line in far_priors(configuration.tracker, begins, loop.sensor))
     guidance = loop.guidance.planned if isinstance(loop.guidance, CrossFirst) else loop.guidance
     if not isinstance(guidance, PlannedMotion):
         return [*found, Finding("guidance", f"{type(guidance).__name__}, which plans nothing")]

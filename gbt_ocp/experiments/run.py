@@ -13,11 +13,13 @@ from typing import Any
 from tqdm import tqdm
 
 from gbt_ocp.experiments.build.desired import unreachable_bearings
+from gbt_ocp.experiments.build.far_priors import far_priors
 from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.interrupts import interrupted_between_steps
+from gbt_ocp.experiments.noise_check import run_noise_warnings
 from gbt_ocp.experiments.result import Result
 from gbt_ocp.guidance.protocol import Guidance
 from gbt_ocp.guidance.startup import planner_of
@@ -74,8 +76,9 @@ def run(
     Warns
     -----
     RuntimeWarning
-        If the vehicle cannot follow the desired bearing at its standoff, or the penalty is so stiff that Newton steps
-        will stall; the summary has the same under ``warnings``.
+        If a prior is centred on the origin and the vehicle starts far from it, the vehicle cannot follow the desired
+        bearing at its standoff, or the penalty is so stiff that Newton steps will stall; the summary has the same under
+        ``warnings``.
 
     Raises
     ------
@@ -95,8 +98,12 @@ def run(
         # What only shows when the parts are put together is still a fault of the input.
         raise ConfigurationError([f"{configuration.name}: {fault}"]) from fault
 
-    stalling = [*unreachable_bearings(configuration, loop.vehicle), *stalling_penalties(loop.guidance)]
-    for line in stalling:
+    doubts = [
+        *far_priors(configuration.tracker, start[0, : configuration.dimension], loop.sensor),
+        *unreachable_bearings(configuration, loop.vehicle),
+        *stalling_penalties(loop.guidance),
+    ]
+    for line in doubts:
         warnings.warn(f"{configuration.name}: {line}", RuntimeWarning, stacklevel=2)
     period = configuration.sensor.period_s
     steps = step_count(configuration.duration_s, period)
@@ -133,7 +140,10 @@ def run(
     # the configuration has `auto`, which does not name the solver that was chosen
     planner = planner_of(loop.guidance)
     summary["solver"] = planner.solver.name if isinstance(planner, Planner) else None
-    summary["warnings"] = stalling
+    afterwards = run_noise_warnings(history, configuration.tracker, loop.sensor, configuration.forecast_period)
+    for line in afterwards:
+        warnings.warn(f"{configuration.name}: {line}", RuntimeWarning, stacklevel=2)
+    summary["warnings"] = [*doubts, *afterwards]
     # the configuration has no limits of a problem's own vehicle
     summary["thrust_max"] = loop.vehicle.thrust_max.tolist()
     return Result(configuration, history, summary)

@@ -131,6 +131,19 @@ def _coregionalized(
     )
 
 
+def configured_noise(section: sections.TrackerSection, sensor: BearingSensor) -> BearingNoise | None:
+    """The noise of bearings that a tracker is given; ``None`` if it takes them for exact or has no model of it."""
+    if isinstance(section, sections.ShapeSection):
+        return _noise(section.noise, math.radians(section.noise.std_deg))
+    if isinstance(section, sections.GaussianProcessSection):
+        noisy = noise_of(section, sensor)
+        if noisy is None:
+            return None
+        return _noise(noisy, sensor.noise if noisy.std_deg is None else math.radians(noisy.std_deg))
+    deviation = getattr(section, "bearing_std_deg", None)
+    return None if deviation is None else BearingNoise(math.radians(deviation))
+
+
 # ---- Gaussian processes on the motion -------------------------------------------------------------------------------
 
 
