@@ -4,18 +4,21 @@ import csv
 import json
 import sys
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gbt_ocp.cli import main as cli
+from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.build.trackers import TRACKERS, build_tracker
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.replay import replay
 from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
 from gbt_ocp.models.sensors import BearingSensor
-from gbt_ocp.tracking.gaps import ENOUGH_INTERVALS, FILTER_WINDOW, LONGEST_UNKNOWN, WINDOWS, Gaps
+from gbt_ocp.simulation.loop import simulate
+from gbt_ocp.tracking.gaps import ENOUGH_INTERVALS, FILTER_WINDOW, LONGEST_UNKNOWN, WINDOWS, Gaps, gap_warning
 from gbt_ocp.tracking.protocol import PositionTracker
 
 ROOM = 300 * 2**20
@@ -201,3 +204,16 @@ def test_the_summary_on_disk_has_the_number(tmp_path):
         replay(log, trackers=["ekf"], bearing_from="x", overrides=QUICK).save(tmp_path / "out", figures=False)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["trackers"]["ekf"]["new_tracks"] == 1
+
+
+def test_a_run_says_it_too():
+    overrides = ["tracker.kind=gp", "tracker.window=2"]
+    loop, start = build_loop(load_config("case2", [*overrides, "guidance.kind=static"]))
+
+    class Pauses(BearingSensor):
+        def measure(self, step, target, own, rng):
+            return None if 40 <= step < 100 else super().measure(step, target, own, rng)
+
+    recording = simulate(replace(loop, sensor=Pauses(0.1)), start, 12.0)
+    assert recording.new_tracks == pytest.approx([10.0])
+    assert "1 new track, at t = 10 s" in gap_warning("gp", recording.new_tracks)

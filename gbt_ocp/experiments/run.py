@@ -28,6 +28,7 @@ from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
 from gbt_ocp.simulation.loop import simulate, step_count
 from gbt_ocp.simulation.summary import installed_versions, summarise
+from gbt_ocp.tracking.gaps import gap_warning
 
 
 def stalling_penalties(guidance: Guidance) -> list[str]:
@@ -132,6 +133,7 @@ def run(
             "refused_bearings": recording.refused_bearings,
             "held_forecasts": recording.held_forecasts,
             "clipped": recording.clipped,
+            "new_tracks": len(recording.new_tracks),
         },
         versions=installed_versions(),
         forecast_period=configuration.forecast_period,
@@ -141,6 +143,8 @@ def run(
     planner = planner_of(loop.guidance)
     summary["solver"] = planner.solver.name if isinstance(planner, Planner) else None
     afterwards = run_noise_warnings(history, configuration.tracker, loop.sensor, configuration.forecast_period)
+    if recording.new_tracks:
+        afterwards.append(gap_warning(configuration.tracker.kind, recording.new_tracks))
     for line in afterwards:
         warnings.warn(f"{configuration.name}: {line}", RuntimeWarning, stacklevel=2)
     summary["warnings"] = [*doubts, *afterwards]
