@@ -89,7 +89,7 @@ def run(setting: Configuration) -> dict[str, Any]:
     spent = spent[round(SETTLED / sensor.period) :]
     costly = [one for one in spent if one > 0.25 * max(np.quantile(spent, 0.99), 1e-9)]
     return {"errors": errors, "squares": squares, "estimates_s": costly, "all_s": float(np.sum(spent)),
-            "bearings": len(spent), "resets": getattr(tracker, "resets", getattr(tracker, "restarts", 0))}  # fmt: skip
+            "bearings": len(spent), "resets": getattr(tracker, "restarts", 0)}  # fmt: skip
 
 
 def row(configuration: str, name: str, found: list[dict[str, Any]], dimension: int) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
-from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess, ImmExtendedTracker, linearised
+from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess, ImmExtendedTracker, angle_measurement
 from gbt_ocp.tracking.filters.imm import InteractingMultipleModel
 from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
 from gbt_ocp.tracking.priors import RangedPrior
@@ -47,7 +47,7 @@ def test_the_measurement_matrix_is_that_of_finite_differences(dimension):
     rng = np.random.default_rng(dimension)
     position, own = 20.0 * rng.standard_normal((2, dimension))
     bearing = rotate_bearing(unit_bearing(position, own), np.full(dimension - 1, 0.02))
-    observation, innovation = linearised(position, own, bearing, 2 * dimension)
+    observation, innovation = angle_measurement(position, own, bearing, 2 * dimension)
     basis = tangent_basis(unit_bearing(position, own))
     assert np.linalg.norm(innovation) == pytest.approx(np.arccos(bearing @ unit_bearing(position, own)), rel=1e-6)
     for axis in range(dimension):
@@ -115,6 +115,6 @@ def test_before_the_first_bearing_there_is_no_covariance_and_wrong_parameters_ar
     with pytest.raises(ValueError, match="bearing_std: found"):
         ImmExtendedTracker(guess, models(), bearing_std=0.0)
     # on top of the vehicle there is no bearing, and no fault
-    observation, innovation = linearised(np.zeros(2), np.zeros(2), np.array([0.0, 1.0]), 4)
+    observation, innovation = angle_measurement(np.zeros(2), np.zeros(2), np.array([0.0, 1.0]), 4)
     assert np.all(np.isfinite(observation))
     assert innovation == pytest.approx(0.0)

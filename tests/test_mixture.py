@@ -8,10 +8,10 @@ from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
 from gbt_ocp.models.sensors import BearingSensor
-from gbt_ocp.tracking.bins import BinnedBearings
-from gbt_ocp.tracking.displacement.fit import Anchor, MotionFit, Node
+from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
+from gbt_ocp.tracking.displacement.fit import Anchor, DisplacementFit, Node
 from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS
-from gbt_ocp.tracking.displacement.rows import linearised
+from gbt_ocp.tracking.displacement.rows import bearing_rows
 from gbt_ocp.tracking.mixture import ASTRAY, MixtureTracker, log_density, velocity_scale
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal
@@ -136,20 +136,22 @@ def test_foretold_densities_add_up_to_the_evidence_of_the_velocity_process(dimen
     node = Node(np.log(0.1), np.log(20.0), SIGMA**2, 0.0)
     anchor = Anchor(0.0, target[0] + 0.1, 0.1 * np.eye(dimension))
     # all linearised at the truth, so that the model is linear and the chain rule exact
-    rows = linearised(samples, target)
+    rows = bearing_rows(samples, target)
     h, r = rows.directions, rows.ranges
     moved = 0.1**2 * kernel(times, times, np.log(20.0))[np.ix_(rows.sample, rows.sample)] * (h @ h.T)
     joint = moved + h @ anchor.covariance @ h.T + np.diag(r**2 * SIGMA**2 / 5.0)
     angles = (rows.values - h @ anchor.mean) / r
     expected = multivariate_normal.logpdf(angles, np.zeros(len(r)), joint / np.outer(r, r))
-    whole = MotionFit(kernel, anchor, noise, samples, rows, np.ones(len(r)))
+    whole = DisplacementFit(kernel, anchor, noise, samples, rows, np.ones(len(r)))
     assert whole.solve(node).log_evidence == pytest.approx(expected, abs=1e-4)
 
     total = 0.0
     for k in range(9):
         part = BinnedBearings(times[:k], bearings[:k], own[:k], np.full(k, 5.0))
         if k:
-            fit = MotionFit(kernel, anchor, noise, part, linearised(part, target[:k]), np.ones((dimension - 1) * k))
+            fit = DisplacementFit(
+                kernel, anchor, noise, part, bearing_rows(part, target[:k]), np.ones((dimension - 1) * k)
+            )
             mean, covariance = fit.predict(fit.solve(node), times[k : k + 1])
         else:
             mean, covariance = anchor.mean[None], anchor.covariance[None]
@@ -219,6 +221,7 @@ class Told:
     """A part that says what it is told to."""
 
     dimension, range_observable = 2, True
+    bins = BearingBins(1.0, 60.0)
 
     def __init__(self, mean, covariance):
         self.said = Forecast(np.array([mean]), np.array([covariance]))
@@ -263,7 +266,7 @@ def test_a_run_with_missed_bearings_and_a_gap(dimension):
 
     fed(tracker, times, target, own, missed=0.2, after=look)
     assert tracker.range_observable
-    assert tracker.resets == 0
+    assert tracker.restarts == 0
     assert np.linalg.norm(tracker.predict(times[-1:]).mean[0] - target[-1]) < 6.0
     kept = [begins for begins, _ in tracker._scores]
     assert kept == sorted(kept)

@@ -4,9 +4,9 @@ from scipy.stats import multivariate_normal
 
 from gbt_ocp.models.bearings import unit_bearing
 from gbt_ocp.tracking.bins import BinnedBearings
-from gbt_ocp.tracking.displacement.fit import Anchor, Mixture, MotionFit, Node, grid
+from gbt_ocp.tracking.displacement.fit import Anchor, DisplacementFit, Node, PosteriorMixture, grid
 from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS
-from gbt_ocp.tracking.displacement.rows import linearised
+from gbt_ocp.tracking.displacement.rows import bearing_rows
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal
 
@@ -19,10 +19,10 @@ def toy(dimension, kernel="velocity_matern32"):
     target = np.stack([np.ones(7) * 3.0, times, *([0.3 * times] if dimension == 3 else [])], axis=-1)
     own = rng.normal(0.0, 1.0, (7, dimension))
     samples = BinnedBearings(times, unit_bearing(target, own), own, np.arange(1.0, 8.0))
-    rows = linearised(samples, target + 0.1)
+    rows = bearing_rows(samples, target + 0.1)
     anchor = Anchor(3.0, np.full(dimension, 0.5), np.diag([4.0, 9.0, 1.0][:dimension]))
     trust = rng.uniform(0.3, 1.0, len(rows.values))
-    fit = MotionFit(DISPLACEMENT_KERNELS[kernel], anchor, BearingNoise(0.01, own_std=0.02), samples, rows, trust)
+    fit = DisplacementFit(DISPLACEMENT_KERNELS[kernel], anchor, BearingNoise(0.01, own_std=0.02), samples, rows, trust)
     return fit, np.array([3.0, 3.4, 1.2])
 
 
@@ -67,11 +67,13 @@ def test_misfit_vanishes_where_the_linearisation_has_settled():
     for _ in range(30):
         solution = fit.solve(NODE)
         places = fit.predict(solution, fit.samples.times).mean
-        fit = MotionFit(fit.kernel, fit.anchor, fit.noise, fit.samples, linearised(fit.samples, places), fit.trust)
+        fit = DisplacementFit(
+            fit.kernel, fit.anchor, fit.noise, fit.samples, bearing_rows(fit.samples, places), fit.trust
+        )
     assert fit.misfit(fit.solve(NODE)) == pytest.approx(0.0, abs=1e-6)
     # linearised far from where the solution is, the true angles differ from the linear ones
-    rows = linearised(fit.samples, places + 2.0)
-    off = MotionFit(fit.kernel, fit.anchor, fit.noise, fit.samples, rows, fit.trust)
+    rows = bearing_rows(fit.samples, places + 2.0)
+    off = DisplacementFit(fit.kernel, fit.anchor, fit.noise, fit.samples, rows, fit.trust)
     assert abs(off.misfit(off.solve(NODE))) > 1.0
 
 
@@ -79,7 +81,7 @@ def test_a_mixture_has_the_moments_of_its_parts():
     fit, ahead = toy(2)
     nodes = grid(LogNormal(1.0, 0.5), LogNormal(2.0, 0.5), [(1e-4, 0.0), (4e-4, -1.0)])
     assert len(nodes) == 40
-    mixture = Mixture.over(fit, nodes)
+    mixture = PosteriorMixture.over(fit, nodes)
     weights = np.array([weight for _, _, weight in mixture.parts])
     assert weights.sum() == pytest.approx(1.0)
     rng = np.random.default_rng(0)
@@ -97,9 +99,11 @@ def test_evidence_adds_up_over_the_grid_and_over_mixtures():
     fit, _ = toy(2)
     nodes = grid(LogNormal(1.0, 0.5), LogNormal(2.0, 0.5), [(1e-4, 0.0)])
     logs = [fit.solve(node).log_evidence for node in nodes]
-    whole = Mixture.over(fit, nodes)
+    whole = PosteriorMixture.over(fit, nodes)
     assert whole.log_evidence == pytest.approx(np.logaddexp.reduce(logs))
-    halves = Mixture.of([Mixture.over(fit, nodes[:10]), Mixture.over(fit, nodes[10:])], [0.0, 0.0])
+    halves = PosteriorMixture.of(
+        [PosteriorMixture.over(fit, nodes[:10]), PosteriorMixture.over(fit, nodes[10:])], [0.0, 0.0]
+    )
     assert halves.log_evidence == pytest.approx(whole.log_evidence, abs=0.02)
     first, second = (mixture.predict(np.array([3.5])) for mixture in (halves, whole))
     np.testing.assert_allclose(first.mean, second.mean, atol=0.01)

@@ -131,7 +131,7 @@ def test_a_lost_track_is_noticed_and_begun_anew():
     other = target + np.array([0.0, 25.0])
     jumped = np.where((times > 40.0)[:, None], unit_bearing(other, own), bearings)
     tracker = fed(tracker_of(gate=4.0), times, own, jumped)
-    assert tracker.resets > 0
+    assert tracker.restarts > 0
     assert np.linalg.norm(tracker.predict([times[-1]]).mean[0] - other[-1]) < 0.15 * 55.0
 
 

@@ -107,13 +107,13 @@ def test_a_lost_track_remembers_nothing():
         position=PositionPrior(own[0]),
     )
     fed(tracker, times, own, seen(target, own))
-    assert tracker._remembered() is not None
+    assert tracker._memory.recall(tracker.bins.begins, times[-1]) is not None
     later = times + 40.0
     # the target is somewhere else all at once
     own = around(later, 2)
     elsewhere = np.array([-150.0, 90.0])
     fed(tracker, later[:100], own[:100], seen(elsewhere, own[:100]))
-    assert tracker.resets >= 1
+    assert tracker.restarts >= 1
     fed(tracker, later[100:], own[100:], seen(elsewhere, own[100:]))
     forecast = tracker.predict([later[-1]])
     assert np.linalg.norm(forecast.mean[0] - elsewhere) < 0.15 * np.linalg.norm(elsewhere)

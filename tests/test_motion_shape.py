@@ -7,7 +7,7 @@ from scipy.stats import multivariate_t
 
 from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
 from gbt_ocp.tracking.priors import LogNormal
-from gbt_ocp.tracking.shape.fit import Fit, Sightings, fit
+from gbt_ocp.tracking.shape.fit import LaplaceFit, Sightings, fit
 from gbt_ocp.tracking.shape.moments import moments_ahead, moments_behind
 from gbt_ocp.tracking.shape.motions import Motions, MotionShape
 from gbt_ocp.tracking.shape.processes import ShapePrior, operators
@@ -240,7 +240,7 @@ def test_moments_are_those_of_samples(dimension):
     root = 0.05 * np.tril(rng.standard_normal((n, n)))
     root[1:d] *= 0.05
     root[0, 0] = 0.1
-    found = Fit(
+    found = LaplaceFit(
         motions, (root @ root.T)[None], np.zeros(1), np.zeros((1, 0, 1)), np.zeros((1, 0, 1)), np.zeros((1, 0)), 0
     )
     moments = moments_ahead(shape, found, np.ones(1), 10.0)

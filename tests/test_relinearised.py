@@ -3,7 +3,7 @@ import pytest
 
 from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
 from gbt_ocp.tracking.bins import BinnedBearings
-from gbt_ocp.tracking.displacement.rows import FARTHEST, linearised, row_covariance
+from gbt_ocp.tracking.displacement.rows import FARTHEST, bearing_rows, row_covariance
 from gbt_ocp.tracking.noise import BearingNoise
 
 
@@ -21,7 +21,7 @@ def places(dimension, count=12, seed=0):
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_at_the_truth_rows_of_exact_bearings_hold_exactly(dimension):
     target, own = places(dimension)
-    rows = linearised(seen(target, own), target)
+    rows = bearing_rows(seen(target, own), target)
     np.testing.assert_allclose(np.einsum("ri,ri->r", rows.directions, target[rows.sample]), rows.values, atol=1e-9)
     np.testing.assert_allclose(rows.residuals, 0.0, atol=1e-7)
     np.testing.assert_allclose(rows.ranges, np.linalg.norm(target - own, axis=1)[rows.sample])
@@ -31,7 +31,7 @@ def test_at_the_truth_rows_of_exact_bearings_hold_exactly(dimension):
 def test_residuals_are_the_angles_the_bearing_was_turned_by(dimension):
     target, own = places(dimension)
     angles = np.random.default_rng(1).normal(0.0, 0.1, (len(own), dimension - 1))
-    rows = linearised(seen(target, own, angles), target)
+    rows = bearing_rows(seen(target, own, angles), target)
     np.testing.assert_allclose(rows.residuals, angles.ravel(), atol=1e-9)
 
 
@@ -40,11 +40,11 @@ def test_rows_are_the_first_order_change_of_the_angle(dimension):
     """hᵀ dp / r is minus the derivative of the residual by the predicted position, by finite differences."""
     target, own = places(dimension)
     samples = seen(target, own)
-    rows = linearised(samples, target)
+    rows = bearing_rows(samples, target)
     step = 1e-6
     for axis in range(dimension):
         moved = target + step * np.eye(dimension)[axis]
-        slope = (linearised(samples, moved).residuals - rows.residuals) / step
+        slope = (bearing_rows(samples, moved).residuals - rows.residuals) / step
         np.testing.assert_allclose(slope * rows.ranges, -rows.directions[:, axis], atol=1e-5)
 
 
@@ -54,7 +54,7 @@ def test_the_measured_tangent_is_biased_and_the_predicted_one_is_not():
     count = 20000
     target, own = np.tile([10.0, 0.0], (count, 1)), np.zeros((count, 2))
     samples = seen(target, own, rng.normal(0.0, np.radians(5.0), (count, 1)))
-    rows = linearised(samples, target)
+    rows = bearing_rows(samples, target)
     errors = rows.values - np.einsum("ri,ri->r", rows.directions, target)
     assert abs(errors.mean()) < 4.0 * errors.std() / np.sqrt(count)
     np.testing.assert_allclose(errors.std(), 10.0 * np.radians(5.0), rtol=0.03)
@@ -63,7 +63,7 @@ def test_the_measured_tangent_is_biased_and_the_predicted_one_is_not():
     both = seen(np.tile([10.0, 0.0], (2 * count, 1)), np.vstack([own, second]), rng.normal(0, 0.0873, (2 * count, 1)))
     measured = np.swapaxes(tangent_basis(both.bearings), 1, 2)[:, 0]
     pseudo = np.linalg.lstsq(measured, np.einsum("ri,ri->r", measured, both.own_positions), rcond=None)[0]
-    new = linearised(both, np.tile([10.0, 0.0], (2 * count, 1)))
+    new = bearing_rows(both, np.tile([10.0, 0.0], (2 * count, 1)))
     ours = np.linalg.lstsq(new.directions, new.values, rcond=None)[0]
     assert np.linalg.norm(pseudo - [10.0, 0.0]) > 2.0
     assert np.linalg.norm(ours - [10.0, 0.0]) < 0.3
@@ -75,7 +75,7 @@ def test_far_from_the_prediction_the_measured_tangent_is_kept(dimension):
     angle = np.zeros(dimension - 1)
     angle[0] = 2.0 * FARTHEST
     samples = seen(target, own, angle)
-    rows = linearised(samples, target)
+    rows = bearing_rows(samples, target)
     measured = np.swapaxes(tangent_basis(samples.bearings), 1, 2).reshape(-1, dimension)
     np.testing.assert_allclose(rows.directions, measured)
     np.testing.assert_allclose(rows.values, np.einsum("ri,ri->r", measured, own[rows.sample]))
@@ -87,7 +87,7 @@ def test_predictions_at_the_vehicle_or_opposite_stay_finite(dimension):
     target, own = places(dimension)
     samples = seen(target, own)
     for predicted in (own, 2.0 * own - target):
-        rows = linearised(samples, predicted)
+        rows = bearing_rows(samples, predicted)
         for values in (rows.directions, rows.values, rows.residuals, rows.ranges, rows.axes):
             assert np.all(np.isfinite(values))
         assert np.all(rows.ranges > 0.0)
@@ -100,7 +100,7 @@ def test_covariance_of_rows_is_that_of_a_sensor_that_rotates_and_shakes(dimensio
     own = own + 20.0
     noise = BearingNoise(2e-3, correlated_std=3e-3, correlation_time=2.0, own_std=0.02)
     samples = seen(target, own, counts=np.array([1.0, 2.0, 1.0, 4.0]))
-    rows = linearised(samples, target)
+    rows = bearing_rows(samples, target)
     found = row_covariance(rows, samples, noise, noise.std**2, np.ones(len(rows.values)))
     rng = np.random.default_rng(3)
     runs = 20000
@@ -119,7 +119,7 @@ def test_covariance_of_rows_is_that_of_a_sensor_that_rotates_and_shakes(dimensio
 
 def test_less_trust_is_more_variance():
     target, own = places(2)
-    rows = linearised(seen(target, own), target)
+    rows = bearing_rows(seen(target, own), target)
     noise = BearingNoise(0.1)
     plain = row_covariance(rows, seen(target, own), noise, 0.01, np.ones(len(rows.values)))
     doubted = row_covariance(rows, seen(target, own), noise, 0.01, np.full(len(rows.values), 0.25))

@@ -385,7 +385,8 @@ def test_the_command_line_and_the_configuration_choose_a_contact(tmp_path, capsy
     path, *_ = contacts(tmp_path / "log.csv")
     config = tmp_path / "quick.yaml"
     config.write_text(
-        yaml.safe_dump({"tracker": {"kind": "ekf"}, "replay": {"where": {"contact": 2}}}), encoding="utf-8"
+        yaml.safe_dump({"tracker": {"kind": "ekf", "bearing_std_deg": 1.0}, "replay": {"where": {"contact": 2}}}),
+        encoding="utf-8",
     )
     common = ["replay", str(path), "--bearing-from", "x", "--no-figures", "--quiet", "--config"]
     assert cli.main([*common, str(config), "--out", str(tmp_path / "a")]) == 0
@@ -411,9 +412,12 @@ def test_the_command_line_and_the_configuration_choose_a_contact(tmp_path, capsy
 
 def test_a_log_that_seems_to_hold_several_contacts_is_warned_of(tmp_path):
     path, *_ = contacts(tmp_path / "log.csv")
-    with pytest.warns(RuntimeWarning, match="seems to hold several contacts"):
+    with (
+        pytest.warns(RuntimeWarning, match="a quarter of the bearings"),
+        pytest.warns(RuntimeWarning, match="seems to hold several contacts"),
+    ):
         found = replay(path, QUICK, bearing_from="x", trackers=["ekf"])
-    assert len(found.summary["warnings"]) == 1
+    assert len(found.summary["warnings"]) == 2
     assert "--where contact=VALUE" in found.summary["warnings"][0]
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gbt_ocp.experiments.build.far_priors import far_priors
 from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.schema import Configuration
@@ -80,6 +81,8 @@ def _remarks(configuration: Configuration) -> list[Remark]:
     forecast_times = configuration.forecast_period * np.arange(configuration.tracker.forecast + 1)
     found.append(_of_target(loop.target, configuration.duration_s + forecast_times[-1]))
     found.extend(_of_vehicle(loop.vehicle))
+    begins = start[0, : configuration.dimension]
+    found.extend(Remark("tracker", line, True) for line in far_priors(configuration.tracker, begins, loop.sensor))
     guidance = planned_of(loop.guidance)
     if guidance is None:
         return [*found, Remark("guidance", f"{type(loop.guidance).__name__}, which plans nothing")]

@@ -15,17 +15,20 @@ from typing import Any
 import numpy as np
 
 from gbt_ocp.experiments.bearing_log import read_log
+from gbt_ocp.experiments.build.far_priors import far_priors
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config, load_tracker
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.config.tracker import TrackerSection
+from gbt_ocp.experiments.noise_check import replay_noise_warnings
 from gbt_ocp.files import whole_folder
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.replay_scores import scores
 from gbt_ocp.simulation.replayed_track import BearingLog, ReplayedTrack, _followed
 from gbt_ocp.simulation.summary import installed_versions
+from gbt_ocp.tracking.gaps import gap_warning
 from gbt_ocp.tracking.protocol import PositionTracker
 
 DEFAULT_REPLAY = "replay"
@@ -116,7 +119,9 @@ def replay(
     Warns
     -----
     RuntimeWarning
-        If the log seems to hold several contacts; the summary has the same under ``warnings``.
+        If the log seems to hold several contacts, a prior is centred on the origin far from the vehicle, a tracker
+        began a new track after a long gap, or the bearings disagree with the noise that it was given; the summary has
+        the same under ``warnings``.
     """
     changes = list(overrides)
     if bearing_from is not None:
@@ -137,22 +142,36 @@ def replay(
     config = config.model_copy(update={"tracker": load_tracker(configuration, changes, data.dimension)})
     sensor = BearingSensor(data.period, math.radians(config.sensor.noise_deg))
     tracks = []
-    for name, single in _trackers(config, configuration, changes, trackers, data.dimension).items():
+    chosen = _trackers(config, configuration, changes, trackers, data.dimension)
+    doubts = [f"{name}: {line}" for name, single in chosen.items() for line in far_priors(single, data.own[0], sensor)]
+    for line in doubts:
+        warnings.warn(f"{log}: {line}", RuntimeWarning, stacklevel=2)
+    for name, single in chosen.items():
         tracker = build_tracker(single, data.own[0], sensor)
         if isinstance(tracker, PositionTracker):
             raise ConfigurationError(
                 [f"--tracker: found {name}, which needs positions; allowed: those that take bearings"]
             )
         tracks.append(_followed(name, tracker, data, section.ahead_s, progress))
+    afterwards = [
+        gap_warning(", ".join(track.name for track in tracks if track.new_tracks == times), times)
+        for times in dict.fromkeys(track.new_tracks for track in tracks)
+        if times
+    ]
+    for track in tracks:
+        afterwards.extend(replay_noise_warnings(track, data, chosen[track.name], sensor))
+    for line in afterwards:
+        warnings.warn(f"{log}: {line}", RuntimeWarning, stacklevel=2)
     summary: dict[str, Any] = {
         "log": str(log),
         "bearings": len(data.times),
         "rows_without_bearing": data.own_rows,
         "duration_s": float(data.times[-1] - data.times[0]),
-        "warnings": list(data.warnings),
+        "warnings": [*data.warnings, *doubts, *afterwards],
         "versions": installed_versions(),
         "trackers": {
-            track.name: scores(
+            track.name: {"new_tracks": len(track.new_tracks)}
+            | scores(
                 data,
                 track.times,
                 track.mean,

@@ -13,11 +13,13 @@ from typing import Any
 from tqdm import tqdm
 
 from gbt_ocp.experiments.build.desired import unreachable_bearings
+from gbt_ocp.experiments.build.far_priors import far_priors
 from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.interrupts import interrupted_between_steps
+from gbt_ocp.experiments.noise_check import run_noise_warnings
 from gbt_ocp.experiments.result import Result
 from gbt_ocp.guidance.startup import planner_of
 from gbt_ocp.guidance.strategy import Guidance
@@ -26,6 +28,7 @@ from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
 from gbt_ocp.simulation.loop import simulate, step_count
 from gbt_ocp.simulation.summary import installed_versions, summarise
+from gbt_ocp.tracking.gaps import gap_warning
 
 
 def stalling_penalties(guidance: Guidance) -> list[str]:
@@ -74,8 +77,9 @@ def run(
     Warns
     -----
     RuntimeWarning
-        If the vehicle cannot follow the desired bearing at its standoff, or the penalty is so stiff that Newton steps
-        will stall; the summary has the same under ``warnings``.
+        If a prior is centred on the origin and the vehicle starts far from it, the vehicle cannot follow the desired
+        bearing at its standoff, or the penalty is so stiff that Newton steps will stall; the summary has the same under
+        ``warnings``.
 
     Raises
     ------
@@ -95,8 +99,12 @@ def run(
         # What only shows when the parts are put together is still a fault of the input.
         raise ConfigurationError([f"{configuration.name}: {fault}"]) from fault
 
-    stalling = [*unreachable_bearings(configuration, loop.vehicle), *stalling_penalties(loop.guidance)]
-    for line in stalling:
+    doubts = [
+        *far_priors(configuration.tracker, start[0, : configuration.dimension], loop.sensor),
+        *unreachable_bearings(configuration, loop.vehicle),
+        *stalling_penalties(loop.guidance),
+    ]
+    for line in doubts:
         warnings.warn(f"{configuration.name}: {line}", RuntimeWarning, stacklevel=2)
     period = configuration.sensor.period_s
     steps = step_count(configuration.duration_s, period)
@@ -125,6 +133,7 @@ def run(
             "refused_bearings": recording.refused_bearings,
             "held_forecasts": recording.held_forecasts,
             "clipped": recording.clipped,
+            "new_tracks": len(recording.new_tracks),
         },
         versions=installed_versions(),
         forecast_period=configuration.forecast_period,
@@ -133,7 +142,12 @@ def run(
     # the configuration has `auto`, which does not name the solver that was chosen
     planner = planner_of(loop.guidance)
     summary["solver"] = planner.solver.name if isinstance(planner, Planner) else None
-    summary["warnings"] = stalling
+    afterwards = run_noise_warnings(history, configuration.tracker, loop.sensor, configuration.forecast_period)
+    if recording.new_tracks:
+        afterwards.append(gap_warning(configuration.tracker.kind, recording.new_tracks))
+    for line in afterwards:
+        warnings.warn(f"{configuration.name}: {line}", RuntimeWarning, stacklevel=2)
+    summary["warnings"] = [*doubts, *afterwards]
     # the configuration has no limits of a problem's own vehicle
     summary["thrust_max"] = loop.vehicle.thrust_max.tolist()
     return Result(configuration, history, summary)

@@ -25,6 +25,7 @@ from gbt_ocp.simulation.mover import Mover
 from gbt_ocp.simulation.plant import Plant
 from gbt_ocp.simulation.recorder import Recorder
 from gbt_ocp.simulation.step import Step
+from gbt_ocp.tracking.gaps import new_tracks
 from gbt_ocp.tracking.protocol import Forecast, GaussianProcess, PositionTracker, Tracker
 from gbt_ocp.typing import Array
 
@@ -111,6 +112,8 @@ class Recording:
         Steps in which the tracker's forecast was not finite and the guidance was given the one before.
     clipped
         Steps in which a plan asked for more thrust than there is, which was clipped.
+    new_tracks
+        Times in seconds of the bearings with which the tracker began a new track after a long gap.
     """
 
     history: History
@@ -119,6 +122,7 @@ class Recording:
     refused_bearings: int = 0
     held_forecasts: int = 0
     clipped: int = 0
+    new_tracks: tuple[float, ...] = ()
 
     @property
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -169,6 +173,7 @@ def simulate(
     recorder = Recorder(history, steps)
     seen: deque[Array] = deque(maxlen=loop.window)
     tightened = refused = held = clipped = 0
+    begun: list[float] = []
     usable: Forecast | None = None
     underway: deque[tuple[float, Array, Array, Array]] = deque()
     for k in range(steps):
@@ -188,6 +193,8 @@ def simulate(
             if _taken(loop, measured, arrived, there, place):
                 seen.append(arrived)
                 latest = arrived
+                if new_tracks(loop.tracker) > len(begun):
+                    begun.append(measured)
             else:
                 refused += 1
                 bearing = None if measured == t else bearing
@@ -230,7 +237,7 @@ def simulate(
             progress(k, float(np.mean(step.error)), np.nan if step.plan is None else step.plan.solve_time)
         flat, state = move.flat, move.state
     retries = loop.gaussian_process.nugget_retries if loop.gaussian_process is not None else 0
-    return Recording(recorder.history(), tightened, retries, refused, held, clipped)
+    return Recording(recorder.history(), tightened, retries, refused, held, clipped, tuple(begun))
 
 
 def _taken(loop: ClosedLoop, time: float, bearing: Array, own: Array, position: Array) -> bool:

@@ -9,7 +9,8 @@ from time import perf_counter
 import numpy as np
 
 from gbt_ocp.models.bearings import log_map
-from gbt_ocp.tracking.protocol import Tracker, relative_range_std
+from gbt_ocp.tracking.gaps import new_tracks
+from gbt_ocp.tracking.protocol import Forecast, Tracker, relative_range_std
 from gbt_ocp.typing import Array
 
 
@@ -27,10 +28,14 @@ class ReplayedTrack:
         Position after the bearing, ``(K, d)`` in m and ``(K, d, d)`` in m²; NaN where the tracker has none.
     ahead_mean, ahead_covariance
         The same predicted ``ahead_s`` ahead.
+    before
+        Position predicted before each bearing was known, ``(K, d)`` and ``(K, d, d)``; NaN of the first.
     residual
         Measured bearing less the one predicted before it was known, in the tangent plane, ``(K, d-1)`` in radians.
     seconds
         Time the update took ``(K,)``.
+    new_tracks
+        Times in seconds of the bearings with which a new track began, after a gap far longer than the window.
     """
 
     name: str
@@ -39,8 +44,10 @@ class ReplayedTrack:
     covariance: Array
     ahead_mean: Array
     ahead_covariance: Array
+    before: Forecast
     residual: Array
     seconds: Array
+    new_tracks: tuple[float, ...] = ()
 
     def range_std_over_range(self, own: Array) -> Array:
         """Posterior deviation of the range over the range, seen from ``own`` ``(K, d)``: ``(K,)``."""
@@ -57,17 +64,25 @@ def _followed(
     count, d = log.own.shape
     means, covariances = np.empty((2, count, d)), np.empty((2, count, d, d))
     residual, seconds = np.full((count, d - 1), np.nan), np.empty(count)
+    before = Forecast(np.full((count, d), np.nan), np.full((count, d, d), np.nan))
+    begun: list[float] = []
     for k, t in enumerate(log.times):
         if k:
-            residual[k] = _angle_from(tracker.predict([t]).mean[0] - log.own[k], log.bearings[k])
+            expected = tracker.predict([t])
+            before.mean[k], before.covariance[k] = expected.mean[0], expected.covariance[0]
+            residual[k] = _angle_from(expected.mean[0] - log.own[k], log.bearings[k])
         began = perf_counter()
         tracker.update(t, log.bearings[k], log.own[k])
         seconds[k] = perf_counter() - began
+        if new_tracks(tracker) > len(begun):
+            begun.append(float(t))
         forecast = tracker.predict([t, t + ahead])
         means[:, k], covariances[:, k] = forecast.mean, forecast.covariance
         if progress is not None:
             progress(name, k + 1, count)
-    return ReplayedTrack(name, log.times, means[0], covariances[0], means[1], covariances[1], residual, seconds)
+    return ReplayedTrack(
+        name, log.times, means[0], covariances[0], means[1], covariances[1], before, residual, seconds, tuple(begun)
+    )
 
 
 def _angle_from(line: Array, bearing: Array) -> Array:

@@ -160,6 +160,10 @@ class BearingBins:
         """Bearings that are left out."""
         return sum(int(np.sum(~one.kept(self.stray))) for one in self._bins)
 
+    def checked(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> tuple[Array, Array]:
+        """Bearing and own position ``(d,)`` of a sample that :meth:`append` takes; raises as it does."""
+        return checked_sample(time, bearing, own_position, self._latest)
+
     def append(
         self,
         time: float,

@@ -29,19 +29,19 @@ from numpy.typing import ArrayLike
 from scipy.special import digamma, polygamma
 
 from gbt_ocp.tracking.bins import BinnedBearings
-from gbt_ocp.tracking.displacement.rows import linearised, row_covariance
+from gbt_ocp.tracking.displacement.rows import bearing_rows, row_covariance
 from gbt_ocp.tracking.displacement.tracker import NoisyGaussianProcessTracker
+from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, Tracker, mixed, relative_range_std
 from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
-from gbt_ocp.tracking.window import checked_sample
 from gbt_ocp.typing import Array
 
 ASTRAY = 0.01
 """Probability that a bin says nothing of the target: no single one decides between the models."""
 
-NEGLIGIBLE = 1.0e-4
+LEAST_WEIGHT = 1.0e-4
 """Weight below which a model is left out of a forecast."""
 
 LEAST_SPREAD = 0.3
@@ -86,7 +86,7 @@ def log_density(one: BinnedBearings, expected: Forecast, noise: BearingNoise, wh
     white_variance
         σ² of a single bearing in rad².
     """
-    rows = linearised(one, expected.mean)
+    rows = bearing_rows(one, expected.mean)
     spread = rows.directions @ expected.covariance[0] @ rows.directions.T
     spread += row_covariance(rows, one, noise, white_variance, np.ones(len(rows.values)))
     # metres over the range are radians
@@ -98,7 +98,7 @@ def log_density(one: BinnedBearings, expected: Forecast, noise: BearingNoise, wh
     return float(-0.5 * np.sum((rows.residuals @ axes) ** 2 / variances + np.log(2.0 * np.pi * variances)))
 
 
-class MixtureTracker:
+class MixtureTracker(RestartingTracker):
     """The mixture of a motion-shape process and a velocity process by evidence.
 
     Bearings go to the bins of the first; whenever it estimates anew, the second does so from the same bins. A lost
@@ -126,10 +126,19 @@ class MixtureTracker:
         self.motion = motion
         self.velocity = velocity
         self._noise = noise
-        self._own = np.zeros(self.dimension)
+        self._gaps = Gaps(span=motion.bins.window)
+        self._begin(np.zeros(self.dimension))
+
+    def _begin(self, own: Array) -> None:
+        self._own = own
         self._begins = -np.inf
-        self._foretold: list[Forecast] = []
+        self._predicted: list[Forecast] = []
         self._scores: deque[tuple[float, Array]] = deque()
+
+    def _restart(self, own: Array) -> None:
+        """The motion tracker finds the same gap itself and clears the bins."""
+        self.velocity.begin_elsewhere(own)
+        self._begin(own)
 
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """Take in a bearing ``(d,)`` measured at ``own_position`` ``(d,)``.
@@ -141,14 +150,16 @@ class MixtureTracker:
             unchanged.
         """
         bins = self.motion.bins
-        b, own = checked_sample(time, bearing, own_position, bins.latest)
+        b, own = bins.checked(time, bearing, own_position)
+        if self._gaps.ended(float(time)):
+            self._restart(own)
         begins = float(np.floor(time / bins.width) * bins.width)
         if begins != self._begins:
             self._score()
             self._begins = begins
-            if bins.latest is not None:
+            if len(bins):
                 ends = [begins, begins + bins.width]
-                self._foretold = [self.motion.predict(ends), self.velocity.predict(ends)]
+                self._predicted = [self.motion.predict(ends), self.velocity.predict(ends)]
         self._own = own
         self.motion.update(time, b, own)
         if self.motion.estimated_at == time:
@@ -158,7 +169,7 @@ class MixtureTracker:
 
     def _score(self) -> None:
         """Judge both models by the bin that has just been filled: what they said of it before it began."""
-        if not self._foretold:
+        if not self._predicted:
             return
         bins = self.motion.bins
         means = bins.means()
@@ -167,7 +178,7 @@ class MixtureTracker:
         white = self._noise.white_variance(bins)
         uniform = -np.log((2.0 if self.dimension == 2 else 4.0) * np.pi)
         scores = []
-        for mean, covariance in self._foretold:
+        for mean, covariance in self._predicted:
             there = Forecast(
                 (1.0 - late) * mean[:1] + late * mean[1:], (1.0 - late) * covariance[:1] + late * covariance[1:]
             )
@@ -188,9 +199,9 @@ class MixtureTracker:
         return np.asarray(share / share.sum())
 
     @property
-    def resets(self) -> int:
-        """How often a track was lost and begun anew, of both."""
-        return self.motion.resets + self.velocity.restarts
+    def restarts(self) -> int:
+        """How often a track was lost and begun again, of both."""
+        return self.motion.restarts + self.velocity.restarts
 
     @property
     def range_observable(self) -> bool:
@@ -210,7 +221,7 @@ class MixtureTracker:
         at = np.atleast_1d(np.asarray(times, dtype=float))
         both: tuple[Tracker, Tracker] = (self.motion, self.velocity)
         weights = self.weights if self.motion.range_observable else np.array([1.0, 0.0])
-        parts = [(w, part) for w, part in zip(weights, both, strict=True) if w > NEGLIGIBLE]
+        parts = [(w, part) for w, part in zip(weights, both, strict=True) if w > LEAST_WEIGHT]
         weights = np.array([w for w, _ in parts])
         forecasts = [part.predict(at) for _, part in parts]
         return Forecast(*mixed(weights / weights.sum(), *map(np.array, zip(*forecasts, strict=True))))

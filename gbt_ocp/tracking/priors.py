@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
@@ -51,6 +52,10 @@ class PositionPrior:
     def known(self) -> tuple[Array, Array] | None:
         """Mean ``(d,)`` and covariance ``(d, d)``, or ``None``."""
         return None if self.mean is None or self.covariance is None else (self.mean, self.covariance)
+
+    def elsewhere(self, own: Array) -> Self:
+        """The prior of a new track, with the vehicle at ``own`` ``(d,)``: nothing is known any more."""
+        return replace(self, start=own, mean=None, covariance=None)
 
 
 @dataclass(frozen=True)

@@ -80,6 +80,10 @@ class Window:
     def __len__(self) -> int:
         return len(self._samples)
 
+    def checked(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> tuple[Array, Array]:
+        """Bearing and own position ``(d,)`` of a sample that :meth:`append` takes; raises as it does."""
+        return checked_sample(time, bearing, own_position, self._samples[-1][0] if self._samples else None)
+
     def append(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """Add a sample; the oldest one leaves when the window is full.
 
@@ -88,7 +92,7 @@ class Window:
         ValueError
             If a number is not finite, the bearing is no unit vector, or time does not increase.
         """
-        b, own = checked_sample(time, bearing, own_position, self._samples[-1][0] if self._samples else None)
+        b, own = self.checked(time, bearing, own_position)
         self._samples.append((float(time), b, own))
 
     @property

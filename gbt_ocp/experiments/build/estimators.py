@@ -38,7 +38,7 @@ def gaussian_process(
     section: sections.GaussianProcessSection, prior: PositionPrior, sensor: BearingSensor
 ) -> GaussianProcessTracker | NoisyGaussianProcessTracker:
     """Kind ``gp``: for exact bearings, or for noisy ones where ``noise`` says so."""
-    noise = _noise_of(section, sensor)
+    noise = noise_of(section, sensor)
     if noise is not None:
         return _noisy(noise, prior, sensor)
     return GaussianProcessTracker(
@@ -53,7 +53,7 @@ def gaussian_process(
     )
 
 
-def _noise_of(section: sections.GaussianProcessSection, sensor: BearingSensor) -> NoisyBearingsSection | None:
+def noise_of(section: sections.GaussianProcessSection, sensor: BearingSensor) -> NoisyBearingsSection | None:
     """How the tracker treats noise; ``None`` if it takes bearings for exact."""
     if section.noise == "sensor":
         return NoisyBearingsSection() if sensor.noise > 0.0 else None
@@ -90,6 +90,19 @@ def _noise(section: NoiseSection, deviation: float) -> BearingNoise:
         section.own_std_m,
         section.estimated,
     )
+
+
+def configured_noise(section: sections.TrackerSection, sensor: BearingSensor) -> BearingNoise | None:
+    """The noise of bearings that a tracker is given; ``None`` if it takes them for exact or has no model of it."""
+    if isinstance(section, sections.ShapeSection):
+        return _noise(section.noise, math.radians(section.noise.std_deg))
+    if isinstance(section, sections.GaussianProcessSection):
+        noisy = noise_of(section, sensor)
+        if noisy is None:
+            return None
+        return _noise(noisy, sensor.noise if noisy.std_deg is None else math.radians(noisy.std_deg))
+    deviation = getattr(section, "bearing_std_deg", None)
+    return None if deviation is None else BearingNoise(math.radians(deviation))
 
 
 def coregionalized(

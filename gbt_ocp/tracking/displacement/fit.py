@@ -15,14 +15,14 @@ from scipy.linalg import lapack
 
 from gbt_ocp.tracking.bins import BinnedBearings
 from gbt_ocp.tracking.displacement.kernels import DisplacementKernel
-from gbt_ocp.tracking.displacement.rows import BearingRows, linearised, row_covariance
+from gbt_ocp.tracking.displacement.rows import BearingRows, bearing_rows, row_covariance
 from gbt_ocp.tracking.linalg import NotPositiveDefiniteError, cholesky
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.tracking.protocol import Forecast, mixed
 from gbt_ocp.typing import Array
 
-NEGLIGIBLE = 1.0e-3
+LEAST_SHARE = 1.0e-3
 """Weight relative to the largest below which a solution is left out of a mixture."""
 
 SMALLEST_JITTER = 1.0e-14
@@ -92,7 +92,7 @@ class Anchor:
 
 
 @dataclass(frozen=True)
-class Solution:
+class NodePosterior:
     """The Gaussian conditional under one node.
 
     Attributes
@@ -114,7 +114,7 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class MotionFit:
+class DisplacementFit:
     """Linearised bearings of a target that moves as ``P_T(t) = p_0 + D(t)``, D under a displacement kernel.
 
     Attributes
@@ -137,7 +137,7 @@ class MotionFit:
     _displacement: dict[float, Array] = field(default_factory=dict, repr=False)
     _rest: dict[float, Array] = field(default_factory=dict, repr=False)
 
-    def solve(self, node: Node) -> Solution:
+    def solve(self, node: Node) -> NodePosterior:
         """Condition under θ.
 
         Raises
@@ -156,7 +156,7 @@ class MotionFit:
             - np.log(factor.diagonal()).sum()
             + np.log(self.rows.ranges).sum()
         )
-        return Solution(node, factor, weights, float(evidence) + node.log_prior)
+        return NodePosterior(node, factor, weights, float(evidence) + node.log_prior)
 
     def _displacements(self, log_length: float) -> Array:
         """Covariance of the rows' displacements at unit scale ``(R, R)``."""
@@ -174,7 +174,7 @@ class MotionFit:
             self._rest[white_variance] = h @ self.anchor.covariance @ h.T + noise
         return self._rest[white_variance]
 
-    def predict(self, solution: Solution, times: Array) -> Forecast:
+    def predict(self, solution: NodePosterior, times: Array) -> Forecast:
         """Mean ``(K, d)`` and covariance ``(K, d, d)`` at the times ``(K,)`` in seconds under the solution's θ."""
         cross = self._cross(solution.node, times)
         count, steps, dimension = cross.shape
@@ -187,7 +187,7 @@ class MotionFit:
         mean = self.anchor.mean + np.tensordot(solution.weights, cross, axes=1)
         return Forecast(mean, prior - solved @ solved.transpose(0, 2, 1))
 
-    def mean(self, solution: Solution, times: Array) -> Array:
+    def mean(self, solution: NodePosterior, times: Array) -> Array:
         """The mean of :meth:`predict` alone ``(K, d)``."""
         return np.asarray(self.anchor.mean + np.tensordot(solution.weights, self._cross(solution.node, times), axes=1))
 
@@ -197,7 +197,7 @@ class MotionFit:
         unit = np.exp(2.0 * node.log_scale) * self.kernel(since, times - self.anchor.time, node.log_length)
         return np.asarray(unit[self.rows.sample][:, :, None] * h[:, None, :] + (h @ self.anchor.covariance)[:, None, :])
 
-    def misfit(self, solution: Solution) -> float:
+    def misfit(self, solution: NodePosterior) -> float:
         """By how much half the χ² of the true angles exceeds that of the linearised ones, at the solution's mean.
 
         Taken off the evidence it makes it Laplace's, of the likelihood of the angles; a linearisation that has not
@@ -206,7 +206,7 @@ class MotionFit:
         variance = solution.node.white_variance
         noise = row_covariance(self.rows, self.samples, self.noise, variance, self.trust)
         mean = self.mean(solution, self.samples.times)
-        angles = linearised(self.samples, mean).residuals * self.rows.ranges
+        angles = bearing_rows(self.samples, mean).residuals * self.rows.ranges
         weights = solution.weights
         return float(0.5 * ((angles**2 / noise.diagonal()).sum() - weights**2 @ noise.diagonal()))
 
@@ -228,7 +228,7 @@ def _factor(omega: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Mixture:
+class PosteriorMixture:
     """Solutions with their weights.
 
     Attributes
@@ -239,11 +239,11 @@ class Mixture:
         Logarithm of the summed evidence.
     """
 
-    parts: tuple[tuple[MotionFit, Solution, float], ...]
+    parts: tuple[tuple[DisplacementFit, NodePosterior, float], ...]
     log_evidence: float
 
     @classmethod
-    def over(cls, fit: MotionFit, nodes: Sequence[Node]) -> Mixture:
+    def over(cls, fit: DisplacementFit, nodes: Sequence[Node]) -> PosteriorMixture:
         """The average over a grid; nodes whose covariance has no Cholesky factor count as impossible.
 
         Raises
@@ -262,7 +262,7 @@ class Mixture:
         return cls._weighted([(fit, solution, solution.log_evidence) for solution in found])
 
     @classmethod
-    def of(cls, mixtures: Sequence[Mixture], log_priors: Sequence[float]) -> Mixture:
+    def of(cls, mixtures: Sequence[PosteriorMixture], log_priors: Sequence[float]) -> PosteriorMixture:
         """The mixture of mixtures by evidence, each with the logarithm of its prior weight."""
         return cls._weighted(
             [
@@ -273,17 +273,17 @@ class Mixture:
         )
 
     @classmethod
-    def _weighted(cls, parts: Sequence[tuple[MotionFit, Solution, float]]) -> Mixture:
+    def _weighted(cls, parts: Sequence[tuple[DisplacementFit, NodePosterior, float]]) -> PosteriorMixture:
         logs = np.array([log for _, _, log in parts])
         largest = float(logs.max())
         weights = np.exp(logs - largest)
-        kept = [int(i) for i in np.flatnonzero(weights > NEGLIGIBLE)]
+        kept = [int(i) for i in np.flatnonzero(weights > LEAST_SHARE)]
         share = weights[kept] / weights[kept].sum()
         chosen = tuple((*parts[i][:2], float(w)) for i, w in zip(kept, share, strict=True))
         return cls(chosen, largest + float(np.log(weights.sum())))
 
     @property
-    def best(self) -> tuple[MotionFit, Solution]:
+    def best(self) -> tuple[DisplacementFit, NodePosterior]:
         """The heaviest part."""
         fit, solution, _ = max(self.parts, key=lambda part: part[2])
         return fit, solution

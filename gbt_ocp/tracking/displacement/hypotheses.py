@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gbt_ocp.tracking.bins import BinnedBearings
-from gbt_ocp.tracking.displacement.fit import Mixture
+from gbt_ocp.tracking.displacement.fit import PosteriorMixture
 from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.typing import Array
 
@@ -48,16 +48,16 @@ class MotionPriors:
 
 
 @dataclass
-class Hypothesis:
+class RangeHypothesis:
     """A prior position with the posterior that follows from it."""
 
     mean: Array
     covariance: Array
     log_prior: float
-    mixture: Mixture | None = None
+    mixture: PosteriorMixture | None = None
 
 
-def range_hypotheses(samples: BinnedBearings, prior: LogNormal) -> list[Hypothesis]:
+def range_hypotheses(samples: BinnedBearings, prior: LogNormal) -> list[RangeHypothesis]:
     """Hypotheses along the first bearings, one for each doubling of the range over two deviations to both sides."""
     line = samples.bearings[:FIRST].mean(axis=0)
     size = np.linalg.norm(line)
@@ -70,5 +70,5 @@ def range_hypotheses(samples: BinnedBearings, prior: LogNormal) -> list[Hypothes
         distance = prior.median * LADDER**k
         covariance = distance**2 * (RUNG**2 * along + np.eye(len(line)) - along)
         log_prior = -0.5 * (k * np.log(LADDER) / prior.log_std) ** 2
-        found.append(Hypothesis(samples.own_positions[0] + distance * line, covariance, float(log_prior)))
+        found.append(RangeHypothesis(samples.own_positions[0] + distance * line, covariance, float(log_prior)))
     return found

@@ -24,7 +24,7 @@ from gbt_ocp.typing import Array
 FARTHEST = 0.4
 """Angle in radians between predicted and measured bearing beyond which the measured tangent is kept."""
 
-NEAREST = 1.0e-4
+NO_DIRECTION = 1.0e-4
 """Range in metres below which a predicted position has no direction; the measured one stands in."""
 
 
@@ -56,11 +56,11 @@ class BearingRows:
     residuals: Array
 
 
-def linearised(samples: BinnedBearings, predicted: Array) -> BearingRows:
+def bearing_rows(samples: BinnedBearings, predicted: Array) -> BearingRows:
     """Rows of the samples, linearised at the predicted positions ``(N, d)`` in metres."""
     line = predicted - samples.own_positions
     ranges = np.linalg.norm(line, axis=1)
-    near = ranges < NEAREST
+    near = ranges < NO_DIRECTION
     expected = np.where(near[:, None], samples.bearings, line / np.where(near, 1.0, ranges)[:, None])
     basis = tangent_basis(expected)
     angle = log_map(expected, samples.bearings, basis)
@@ -71,7 +71,7 @@ def linearised(samples: BinnedBearings, predicted: Array) -> BearingRows:
         expected = np.where(far[:, None], samples.bearings, expected)
     # with the measured tangent the measured direction is where the row is taken: no angle is left to add
     offset = np.where(far[:, None], 0.0, angle)
-    ranges = np.maximum(ranges, NEAREST)
+    ranges = np.maximum(ranges, NO_DIRECTION)
     directions = np.swapaxes(basis, 1, 2)
     values = np.einsum("nji,ni->nj", directions, samples.own_positions) + ranges[:, None] * offset
     count, rows, dimension = directions.shape

@@ -1,4 +1,4 @@
-"""The Gaussian-process tracker of noisy bearings: re-linearised at its posterior, range hypotheses at the start.
+"""The Gaussian-process tracker of noisy bearings: linearised at its own posterior, range hypotheses at the start.
 
 One step: take in the bearing, linearise the window at what the last posterior says, condition, linearise again, and
 average over the hyperparameters. Until the range is observable the posterior is a mixture of such fits, each with its
@@ -7,7 +7,6 @@ own prior range (a range-parametrised start), because Gauss-Newton from one rang
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
@@ -15,48 +14,37 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gbt_ocp.models.bearings import unit_bearing
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
-from gbt_ocp.tracking.displacement.fit import Anchor, Mixture, MotionFit, Node, Solution, grid
-from gbt_ocp.tracking.displacement.hypotheses import Hypothesis, MotionPriors, range_hypotheses
+from gbt_ocp.tracking.displacement.fit import Anchor, DisplacementFit, Node, NodePosterior, PosteriorMixture, grid
+from gbt_ocp.tracking.displacement.hypotheses import MotionPriors, RangeHypothesis, range_hypotheses
+from gbt_ocp.tracking.displacement.innovations import RECENT_BEARINGS, ResetTest, innovation
 from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS
-from gbt_ocp.tracking.displacement.rows import BearingRows, linearised, tail_weights
+from gbt_ocp.tracking.displacement.rows import BearingRows, bearing_rows, tail_weights
+from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.gp.posterior import Hyperparameters
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import PositionPrior
-from gbt_ocp.tracking.protocol import Forecast, relative_range_std
-from gbt_ocp.tracking.window import Window, checked_sample
+from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, relative_range_std
+from gbt_ocp.tracking.window import Window
 from gbt_ocp.typing import Array
 
-OBSERVABLE = 0.25
-"""Standard deviation of the range over the range, at the oldest sample, below which range counts as observable."""
-
-LOST_AGAIN = 0.5
-"""The same ratio above which it does no more."""
+RANGE_LOST = 0.5
+"""Standard deviation of the range over the range, at the oldest sample, above which range is observable no more."""
 
 FEWEST = 10
 """Samples before range may count as observable."""
 
-UNLIKELY = 7.0
+FAR_BEHIND = 7.0
 """Difference in log evidence from the best hypothesis beyond which one is left out of the mixture."""
 
 CANDIDATES = np.log(1.4) * np.arange(-2, 3)
 """Logarithms of the factors on σ that are compared where it is estimated."""
 
-RECENT = 10
-"""Innovations over which the reset test looks."""
-
-LOST = 9.0
-"""Mean squared standardised innovation of the recent bearings above which the track counts as lost."""
-
-GROSS = 16.0
-"""Largest share of one innovation in that mean: no single outlier makes a lost track."""
-
 STRAY = 4.0
 """Deviations from its bin's median beyond which a bearing is left out, where bearings are binned."""
 
 
-class NoisyGaussianProcessTracker:
+class NoisyGaussianProcessTracker(RestartingTracker):
     """Tracks a target by noisy bearings, ``P_T(t) = p_0 + D(t)`` with D a Gaussian process.
 
     Parameters
@@ -71,7 +59,7 @@ class NoisyGaussianProcessTracker:
         Width in seconds of the bins over which bearings are averaged; ``None`` takes each by itself. A bearing further
         from its bin's median than :data:`STRAY` deviations is left out.
     bins
-        Bins that somebody else fills, instead of ``window`` and ``bin_width``; see :meth:`follow`.
+        Bins that another tracker fills, instead of ``window`` and ``bin_width``; see :meth:`follow`.
     kernel
         A name of :data:`~gbt_ocp.tracking.displacement.kernels.DISPLACEMENT_KERNELS`.
     priors
@@ -84,6 +72,11 @@ class NoisyGaussianProcessTracker:
         Times the window is linearised an update.
     prior
         What is known of the position at the first bearing; by default nothing, with the vehicle at the origin.
+
+    Attributes
+    ----------
+    restarts
+        How often a lost track was begun again.
 
     Raises
     ------
@@ -113,9 +106,7 @@ class NoisyGaussianProcessTracker:
         if tails is not None and not tails > 0.0:
             raise ValueError(f"tails: found {tails}; allowed: None or a number > 0")
         self.dimension = dimension
-        self.restarts = 0
-        """How often a lost track was begun again."""
-        self.nugget_retries = 0
+        self.restarts = self.nugget_retries = 0
         self._noise = noise
         self._follows = bins is not None
         self._bins = bins if bin_width is None else BearingBins(bin_width, window, STRAY * noise.std)
@@ -125,15 +116,33 @@ class NoisyGaussianProcessTracker:
         self._averaged = hyperparameters == "averaged"
         self._tails = tails
         self._linearisations = linearisations
-        self._prior = PositionPrior(np.zeros(dimension)) if prior is None else prior
-        self._known = self._prior.known
+        # bins that another tracker fills are watched for gaps there
+        self._gaps = Gaps(
+            span=np.inf if bins is not None else window if bin_width is not None else None, bearings=int(window)
+        )
+        self._begin(PositionPrior(np.zeros(dimension)) if prior is None else prior)
+
+    def _begin(self, prior: PositionPrior) -> None:
+        if self._bins is None:
+            self._window = Window(self._window.capacity)
+        elif not self._follows:
+            self._bins.clear()
+        self._prior = prior
+        self._known = prior.known
         self._log_factor = 0.0
-        self._hypotheses: list[Hypothesis] = []
+        self._hypotheses: list[RangeHypothesis] = []
         self._anchor_time = 0.0
         self._observable = False
         self._relative_spread = np.inf
-        self._mixture: Mixture | None = None
-        self._innovations: deque[float] = deque(maxlen=RECENT)
+        self._mixture: PosteriorMixture | None = None
+        self._reset = ResetTest()
+
+    def _restart(self, own: Array) -> None:
+        self._begin(self._prior.elsewhere(own))
+
+    def begin_elsewhere(self, own: Array) -> None:
+        """Begin a new track with the vehicle at ``own`` ``(d,)``, for a tracker that follows another one's bins."""
+        self._restart(own)
 
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """Take in a bearing ``(d,)`` measured at ``own_position`` ``(d,)`` and condition on the window.
@@ -144,13 +153,16 @@ class NoisyGaussianProcessTracker:
             If numbers are not finite, the bearing is no unit vector, or time does not increase; the tracker is then
             unchanged.
         """
+        t = float(time)
+        b, own = (self._window if self._bins is None else self._bins).checked(t, bearing, own_position)
+        if self._gaps.ended(t):
+            self._restart(own)
         if self._bins is None:
-            self._window.append(time, bearing, own_position)
-            self.follow(time, bearing, own_position)
+            self._window.append(t, b, own)
+            self.follow(t, b, own)
             return
-        b, own = checked_sample(time, bearing, own_position, self._bins.latest)
-        ahead, square = self._innovation(float(time), b, own)
-        self._bins.append(time, b, own, expected=ahead, suspect=square > STRAY**2)
+        ahead, square = self._innovation(t, b, own)
+        self._bins.append(t, b, own, expected=ahead, suspect=square > STRAY**2)
         self._condition(square)
 
     def follow(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
@@ -160,7 +172,9 @@ class NoisyGaussianProcessTracker:
 
     def _condition(self, square: float) -> None:
         """Condition on the window, whose latest bearing was so far from where it was expected."""
-        self._test(square)
+        if self._mixture is not None and self._reset.lost(square):
+            self.restarts += 1
+            self._begin_again()
         samples = self._samples()
         if not self._observable:
             self._anchor(samples)
@@ -194,39 +208,21 @@ class NoisyGaussianProcessTracker:
             [(variance * float(np.exp(2.0 * f)), -0.5 * float(f) ** 2) for f in factors],
         )
 
-    def _test(self, square: float) -> None:
-        """The reset test: a track whose recent bearings are not where it said is begun again from the latest ones."""
-        if self._mixture is None:
-            return
-        self._innovations.append(min(square, GROSS))
-        if len(self._innovations) == RECENT and np.mean(self._innovations) > LOST:
-            self.restarts += 1
-            self._begin_again()
-
     def _innovation(self, time: float, bearing: Array, own: Array) -> tuple[Array | None, float]:
-        """Where the target is expected ``(d,)``, and the bearing's mean squared standardised distance from there."""
-        if self._mixture is None:
-            return None, 0.0
-        forecast = self._mixture.predict(np.array([time]))
-        rows = linearised(BinnedBearings(np.array([time]), bearing[None], own[None], np.ones(1)), forecast.mean)
-        across = rows.directions @ forecast.covariance[0] @ rows.directions.T / rows.ranges[0] ** 2
-        variance = self._mixture.best[1].node.white_variance + self._noise.correlated_std**2
-        across[np.diag_indices_from(across)] += variance + (self._noise.own_std / rows.ranges[0]) ** 2
-        square = float(rows.residuals @ np.linalg.solve(across, rows.residuals)) / len(rows.residuals)
-        there = forecast.mean[0]
-        return None if np.array_equal(there, own) else unit_bearing(there, own), square
+        """Where the target is expected, and the squared innovation; nothing and 0 before the first bearing."""
+        return (None, 0.0) if self._mixture is None else innovation(self._mixture, self._noise, time, bearing, own)
 
     def _begin_again(self) -> None:
-        """Forget all but the latest samples, and all hypotheses."""
+        """Begin a lost track again: forget all but the latest samples, and all hypotheses."""
         if self._bins is None:
             kept, old = Window(self._window.capacity), self._window
-            for sample in list(zip(old.times, old.bearings, old.own_positions, strict=True))[-RECENT:]:
+            for sample in list(zip(old.times, old.bearings, old.own_positions, strict=True))[-RECENT_BEARINGS:]:
                 kept.append(*sample)
             self._window = kept
         elif not self._follows:
             self._bins.forget_before(self._bins.means().times[-min(len(self._bins), 3)])
         self._hypotheses, self._observable, self._known = [], False, None
-        self._innovations.clear()
+        self._reset.clear()
 
     def _here(self, samples: BinnedBearings) -> tuple[float, Array, Array]:
         """Time, mean and covariance of the wide prior position about the vehicle's latest."""
@@ -237,7 +233,7 @@ class NoisyGaussianProcessTracker:
         )
 
     def _anchor(self, samples: BinnedBearings) -> None:
-        """Make hypotheses of the range at the oldest sample, anew whenever it has left the window."""
+        """Make hypotheses of the range at the oldest sample, and again whenever it has left the window."""
         oldest = float(samples.times[0])
         if self._hypotheses:
             # the means of bins shift while they fill, and the process reaches back a while beyond the oldest sample
@@ -246,11 +242,11 @@ class NoisyGaussianProcessTracker:
             self._known = None
         self._anchor_time = oldest
         if self._known is not None:
-            self._hypotheses = [Hypothesis(*self._known, 0.0)]
+            self._hypotheses = [RangeHypothesis(*self._known, 0.0)]
             return
         self._hypotheses = range_hypotheses(samples, self._priors.range)
 
-    def _compare(self, samples: BinnedBearings, nodes: Sequence[Node]) -> Mixture:
+    def _compare(self, samples: BinnedBearings, nodes: Sequence[Node]) -> PosteriorMixture:
         """The mixture of the hypotheses by Laplace's evidence."""
         fits = []
         for one in self._hypotheses:
@@ -261,37 +257,41 @@ class NoisyGaussianProcessTracker:
         best = max(value for *_, value in fits)
         mixtures, log_priors = [], []
         for one, fit, solution, value in fits:
-            likely = value > best - UNLIKELY
+            likely = value > best - FAR_BEHIND
             one.mixture = self._average(fit, nodes if likely else [solution.node])
             if likely:
                 mixtures.append(one.mixture)
                 log_priors.append(one.log_prior - fit.misfit(one.mixture.best[1]))
-        return Mixture.of(mixtures, log_priors)
+        return PosteriorMixture.of(mixtures, log_priors)
 
-    def _average(self, fit: MotionFit, nodes: Sequence[Node]) -> Mixture:
-        mixture = Mixture.over(fit, nodes)
+    def _average(self, fit: DisplacementFit, nodes: Sequence[Node]) -> PosteriorMixture:
+        mixture = PosteriorMixture.over(fit, nodes)
         if self._averaged:
             return mixture
         return replace(mixture, parts=((*mixture.best, 1.0),))
 
-    def _last_node(self, one: Hypothesis, nodes: Sequence[Node]) -> Node:
+    def _last_node(self, one: RangeHypothesis, nodes: Sequence[Node]) -> Node:
         """The hypothesis's likeliest hyperparameters, or the middle of the priors."""
         return nodes[len(nodes) // 2] if one.mixture is None else one.mixture.best[1].node
 
-    def _fit(self, one: Hypothesis, anchor: Anchor, samples: BinnedBearings, nodes: Sequence[Node]) -> MotionFit:
+    def _fit(
+        self, one: RangeHypothesis, anchor: Anchor, samples: BinnedBearings, nodes: Sequence[Node]
+    ) -> DisplacementFit:
         """The window linearised where the hypothesis has the target."""
         node = self._last_node(one, nodes)
         last = None if one.mixture is None else one.mixture.best
         for count in range(self._linearisations):
             places = np.tile(one.mean, (len(samples), 1)) if last is None else last[0].mean(last[1], samples.times)
-            rows = linearised(samples, places)
-            fit = MotionFit(self._kernel, anchor, self._noise, samples, rows, self._trust(rows, last, samples, node))
+            rows = bearing_rows(samples, places)
+            fit = DisplacementFit(
+                self._kernel, anchor, self._noise, samples, rows, self._trust(rows, last, samples, node)
+            )
             if count + 1 < self._linearisations:
                 last = fit, fit.solve(node)
         return fit
 
     def _trust(
-        self, rows: BearingRows, last: tuple[MotionFit, Solution] | None, samples: BinnedBearings, node: Node
+        self, rows: BearingRows, last: tuple[DisplacementFit, NodePosterior] | None, samples: BinnedBearings, node: Node
     ) -> Array:
         """Weights of the rows; ones without heavy tails, or without a fit that says what is expected."""
         if self._tails is None or last is None:
@@ -302,14 +302,14 @@ class NoisyGaussianProcessTracker:
         return tail_weights(rows, samples, covariance, unseen, node.white_variance, self._noise.own_std, self._tails)
 
     def _judge_range(self, samples: BinnedBearings) -> None:
-        """Decide whether range is observable at the oldest sample, where the manoeuvres since have told most of it."""
+        """Decide whether range is observable at the oldest sample, of which the manoeuvres since say most."""
         assert self._mixture is not None
         first = self._mixture.predict(samples.times[:1])
         self._relative_spread = float(relative_range_std(first.mean[0], first.covariance[0], samples.own_positions[0]))
-        if not self._observable and len(samples) >= FEWEST and self._relative_spread < OBSERVABLE:
+        if not self._observable and len(samples) >= FEWEST and self._relative_spread < RANGE_OBSERVABLE:
             self._observable = True
-            self._hypotheses = [Hypothesis(*self._here(samples)[1:], 0.0, self._mixture)]
-        elif self._observable and self._relative_spread > LOST_AGAIN:
+            self._hypotheses = [RangeHypothesis(*self._here(samples)[1:], 0.0, self._mixture)]
+        elif self._observable and self._relative_spread > RANGE_LOST:
             self._observable, self._hypotheses = False, []
 
     @property

@@ -7,7 +7,7 @@ measurement at once and pulls the estimate onto the vehicle: slowly at each upda
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,7 @@ from gbt_ocp.models.bearings import log_map, tangent_basis
 from gbt_ocp.tracking.filters.imm import ImmTracker, InteractingMultipleModel
 from gbt_ocp.tracking.filters.kalman import predicted, updated
 from gbt_ocp.tracking.filters.motion_models import constant_velocity
+from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.priors import RangedPrior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import checked_sample
@@ -25,7 +26,7 @@ NEAREST = 1.0e-2
 """Range in metres below which a bearing says no more about the position across it."""
 
 
-def linearised(position: Array, own: Array, bearing: Array, size: int) -> tuple[Array, Array]:
+def angle_measurement(position: Array, own: Array, bearing: Array, size: int) -> tuple[Array, Array]:
     """The bearing as a linear measurement of states whose position is predicted.
 
     Parameters
@@ -72,6 +73,10 @@ class FirstGuess:
         if not (self.range_std > 0.0 and self.speed_std > 0.0):
             raise ValueError(f"range_std and speed_std: found {self.range_std}, {self.speed_std}; allowed: numbers > 0")
 
+    def elsewhere(self, own: Array) -> FirstGuess:
+        """The guess of a new track, with the vehicle at ``own`` ``(d,)``: the position is not known any more."""
+        return replace(self, prior=self.prior.elsewhere(own))
+
     def position(self, bearing: Array, own: Array, deviation: float) -> tuple[Array, Array]:
         """Mean ``(d,)`` and covariance ``(d, d)`` before the first bearing is taken in, whose noise is ``deviation``.
 
@@ -85,7 +90,7 @@ class FirstGuess:
         return mean, self.range_std**2 * along + across**2 * (np.eye(len(own)) - along)
 
 
-class ExtendedKalmanFilter:
+class ExtendedKalmanFilter(RestartingTracker):
     """State [p, v] with white noise on the velocity, updated along the tangent of the predicted bearing.
 
     Source: Bar-Shalom, Li and Kirubarajan, *Estimation with Applications to Tracking and Navigation*, section 10.3.
@@ -110,12 +115,19 @@ class ExtendedKalmanFilter:
             raise ValueError(
                 f"process_noise and bearing_std: found {process_noise}, {bearing_std}; allowed: numbers > 0"
             )
-        self._guess = guess
         self._process_noise = process_noise
         self._deviation = bearing_std
+        self._gaps = Gaps()
+        self._begin(guess)
+
+    def _begin(self, guess: FirstGuess) -> None:
+        self._guess = guess
         self._time: float | None = None
         self._mean = np.zeros(0)
         self._covariance = np.zeros((0, 0))
+
+    def _restart(self, own: Array) -> None:
+        self._begin(self._guess.elsewhere(own))
 
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """Take in a bearing ``(d,)`` measured at ``own_position`` ``(d,)``.
@@ -126,6 +138,8 @@ class ExtendedKalmanFilter:
             If numbers are not finite, the bearing is no unit vector, or time does not increase.
         """
         g, own = checked_sample(time, bearing, own_position, self._time)
+        if self._gaps.ended(float(time)):
+            self._restart(own)
         d = len(own)
         if self._time is None:
             position, covariance = self._guess.position(g, own, self._deviation)
@@ -135,7 +149,7 @@ class ExtendedKalmanFilter:
         else:
             self._mean, self._covariance = self._ahead(float(time) - self._time)
         self._time = float(time)
-        observation, innovation = linearised(self._mean[:d], own, g, 2 * d)
+        observation, innovation = angle_measurement(self._mean[:d], own, g, 2 * d)
         noise = self._deviation**2 * np.eye(d - 1)
         value = observation @ self._mean + innovation
         done = updated(self._mean, self._covariance, observation, noise, value)
@@ -175,6 +189,10 @@ class ImmExtendedTracker(ImmTracker):
         self._guess = guess
         self._deviation = bearing_std
 
+    def _restart(self, own: Array) -> None:
+        super()._restart(own)
+        self._guess = self._guess.elsewhere(own)
+
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """Take in a bearing ``(d,)`` measured at ``own_position`` ``(d,)``.
 
@@ -184,9 +202,9 @@ class ImmExtendedTracker(ImmTracker):
             If numbers are not finite, the bearing is no unit vector, or time does not increase.
         """
         g, own = checked_sample(time, bearing, own_position, self._time)
-        self._advance(time, lambda: self._guess.position(g, own, self._deviation))
+        self._advance(time, own, lambda: self._guess.position(g, own, self._deviation))
         means = self.models.means
-        observation, innovation = linearised(means[:, : len(own)], own, g, means.shape[1])
+        observation, innovation = angle_measurement(means[:, : len(own)], own, g, means.shape[1])
         value = (observation @ means[..., None])[..., 0] + innovation
         noise = np.tile(self._deviation**2 * np.eye(len(own) - 1), (len(means), 1, 1))
         self.models.correct(observation, noise, value)

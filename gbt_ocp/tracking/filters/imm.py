@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from gbt_ocp.tracking.filters.kalman import predicted, updated
 from gbt_ocp.tracking.filters.motion_models import constant_acceleration, constant_velocity, coordinated_turn, turn_rate
 from gbt_ocp.tracking.filters.plkf import pseudo_linear, pseudo_noise
+from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.priors import RangedPrior
 from gbt_ocp.tracking.protocol import Forecast, mixed
 from gbt_ocp.tracking.window import checked_sample
@@ -22,7 +23,7 @@ from gbt_ocp.typing import Array
 
 MODES = ("constant velocity", "constant acceleration", "coordinated turn")
 
-STEADY = 1.0e-9
+STEADY_VARIANCE = 1.0e-9
 """Variance of the acceleration in m²/s⁴ under constant velocity; 0 would leave the covariance singular."""
 
 
@@ -79,6 +80,7 @@ class InteractingMultipleModel:
     def begin(self, position: Array, covariance: Array) -> None:
         """Start all modes at rest at a position ``(d,)`` with its covariance ``(d, d)``."""
         d, count = len(position), len(MODES)
+        self.probabilities = np.full(count, 1.0 / count)
         spread = self._initial_variance * np.eye(3 * d)
         spread[:d, :d] = covariance
         self._means = np.tile(np.concatenate([position, np.zeros(2 * d)]), (count, 1))
@@ -113,7 +115,7 @@ class InteractingMultipleModel:
         transitions[..., 0, : 2 * d, : 2 * d] = velocity
         transitions[..., 1, :, :] = acceleration
         transitions[..., 2, :, :] = coordinated_turn(step, turn)
-        noises[..., 0, :, :] = STEADY * np.eye(3 * d)
+        noises[..., 0, :, :] = STEADY_VARIANCE * np.eye(3 * d)
         noises[..., 1:, :, :] = self._jerk_noise * acceleration_noise[..., None, :, :]
         noises[..., ::2, : 2 * d, : 2 * d] += self._process_noise * velocity_noise[..., None, :, :]
         return transitions, noises
@@ -147,16 +149,33 @@ class InteractingMultipleModel:
         )
 
 
-class ImmTracker:
+class ImmTracker(RestartingTracker):
     """What both trackers share: the models, the time of the latest measurement, and the forecast."""
 
     def __init__(self, prior: RangedPrior, models: InteractingMultipleModel) -> None:
         self.models = models
         self._prior = prior
         self._time: float | None = None
+        self._gaps = Gaps()
 
-    def _advance(self, time: float, begin: Callable[[], tuple[Array, Array]]) -> None:
-        """Bring the models to a measurement's time; ``begin`` gives mean and covariance of the first one's position."""
+    def _restart(self, own: Array) -> None:
+        self._prior = self._prior.elsewhere(own)
+        self._time = None
+
+    def _advance(self, time: float, place: Array, begin: Callable[[], tuple[Array, Array]]) -> None:
+        """Bring the models to the time of a measurement.
+
+        Parameters
+        ----------
+        time
+            In seconds.
+        place
+            The own position ``(d,)``, or the measured one of the target.
+        begin
+            Gives mean and covariance of the position at the first measurement of a track.
+        """
+        if self._gaps.ended(float(time)):
+            self._restart(place)
         if self._time is None:
             self.models.begin(*begin())
         else:
@@ -202,7 +221,7 @@ class ImmPseudoLinearTracker(ImmTracker):
             If numbers are not finite, the bearing is no unit vector, or time does not increase.
         """
         g, own = checked_sample(time, bearing, own_position, self._time)
-        self._advance(time, lambda: self._prior.gaussian(g, own, self._initial_variance))
+        self._advance(time, own, lambda: self._prior.gaussian(g, own, self._initial_variance))
         observation, value = pseudo_linear(g, own, self.models.means.shape[1])
         self.models.correct(observation, pseudo_noise(self.models.means[:, : len(own)], own, self._deviation), value)
 
@@ -241,6 +260,6 @@ class ImmPositionTracker(ImmTracker):
             raise ValueError(f"time must increase, found {time} after {self._time}")
         d = len(value)
         noise = self.position_std**2 * np.eye(d)
-        self._advance(time, lambda: self._prior.known or (value, noise))
+        self._advance(time, value, lambda: self._prior.known or (value, noise))
         observation = np.eye(d, self.models.means.shape[1])
         self.models.correct(observation, np.tile(noise, (len(MODES), 1, 1)), value)

@@ -59,7 +59,7 @@ def updated(mean: Array, covariance: Array, observation: Array, noise: Array, va
     spread = symmetric(cross @ np.swapaxes(observation, -1, -2) + noise)
     gain = np.swapaxes(np.linalg.solve(spread, cross), -1, -2)
     kept = np.eye(mean.shape[-1]) - gain @ observation
-    root = kept @ _root(covariance)
+    root = kept @ _covariance_root(covariance)
     after = root @ np.swapaxes(root, -1, -2) + gain @ noise @ np.swapaxes(gain, -1, -2)
     whitened = np.linalg.solve(spread, innovation[..., None])[..., 0]
     _, log_determinant = np.linalg.slogdet(spread)
@@ -69,7 +69,7 @@ def updated(mean: Array, covariance: Array, observation: Array, noise: Array, va
     return Update(mean + (gain @ innovation[..., None])[..., 0], symmetric(after), log_likelihood, spread)
 
 
-def _root(covariance: Array) -> Array:
+def _covariance_root(covariance: Array) -> Array:
     """L with ``L Lᵀ`` the covariance ``(..., n, n)``, whose negative eigenvalues are taken for round-off."""
     try:
         return np.asarray(np.linalg.cholesky(covariance))

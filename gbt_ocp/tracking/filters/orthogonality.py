@@ -9,12 +9,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.priors import RangedPrior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import checked_sample
+from gbt_ocp.typing import Array
 
 
-class OrthogonalityTracker:
+class OrthogonalityTracker(RestartingTracker):
     """The law ``dp̂/dt = v̂ + c₁ y``, ``dv̂/dt = c₂ y``.
 
     With c₂ = 0 it is OE-S, for a static target: Deghat, Shames, Anderson and Yu, "Localization and circumnavigation of
@@ -49,12 +51,19 @@ class OrthogonalityTracker:
             raise ValueError(f"position_gain: found {position_gain}; allowed: a number > 0")
         if not velocity_gain >= 0.0:
             raise ValueError(f"velocity_gain: found {velocity_gain}; allowed: a number >= 0")
-        self._prior = prior
         self._position_gain = position_gain
         self._velocity_gain = velocity_gain
+        self._gaps = Gaps()
+        self._begin(prior)
+
+    def _begin(self, prior: RangedPrior) -> None:
+        self._prior = prior
         self._time: float | None = None
         self._position = prior.unseen
         self._velocity = np.zeros_like(prior.unseen)
+
+    def _restart(self, own: Array) -> None:
+        self._begin(self._prior.elsewhere(own))
 
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """Take in a bearing ``(d,)`` measured at ``own_position`` ``(d,)``.
@@ -65,6 +74,8 @@ class OrthogonalityTracker:
             If numbers are not finite, the bearing is no unit vector, or time does not increase.
         """
         g, own = checked_sample(time, bearing, own_position, self._time)
+        if self._gaps.ended(float(time)):
+            self._restart(own)
         if self._time is None:
             self._time, self._position = float(time), self._prior.seen(g, own)
             return

@@ -8,12 +8,13 @@ from numpy.typing import ArrayLike
 from gbt_ocp.models.bearings import tangent_basis
 from gbt_ocp.tracking.filters.kalman import predicted, updated
 from gbt_ocp.tracking.filters.motion_models import constant_velocity
+from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.priors import RangedPrior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import checked_sample
 from gbt_ocp.typing import Array
 
-NEAREST = 1.0e-3
+NOISELESS = 1.0e-3
 """Range in metres below which the noise of a bearing shrinks no further: at no range it would have none."""
 
 
@@ -27,11 +28,11 @@ def pseudo_linear(bearing: Array, own: Array, size: int) -> tuple[Array, Array]:
 
 def pseudo_noise(position: Array, own: Array, deviation: float) -> Array:
     """R = r̂² σ² I in m² ``(..., d-1, d-1)`` for the estimated positions ``(..., d)`` and σ in radians."""
-    distance = np.maximum(np.linalg.norm(position - own, axis=-1), NEAREST)
+    distance = np.maximum(np.linalg.norm(position - own, axis=-1), NOISELESS)
     return np.asarray((distance[..., None, None] * deviation) ** 2 * np.eye(len(own) - 1))
 
 
-class PseudoLinearKalmanFilter:
+class PseudoLinearKalmanFilter(RestartingTracker):
     """State [p, v] with white noise on the velocity, updated in the tangent plane of the bearing.
 
     Law: Lin, Kirubarajan and Bar-Shalom, "Pseudo-measurement approach in target tracking using bearings-only
@@ -79,14 +80,21 @@ class PseudoLinearKalmanFilter:
                 "initial_variance, process_noise and bearing_std: "
                 f"found {initial_variance}, {process_noise}, {bearing_std}; allowed: numbers > 0"
             )
-        self._prior = prior
         self._initial_variance = initial_variance
         self._process_noise = process_noise
         self._deviation = bearing_std
         self._bias_compensated = bias_compensated
+        self._gaps = Gaps()
+        self._begin(prior)
+
+    def _begin(self, prior: RangedPrior) -> None:
+        self._prior = prior
         self._time: float | None = None
         self._mean = np.concatenate([prior.unseen, np.zeros_like(prior.unseen)])
         self._covariance = np.full((self._mean.size,) * 2, np.nan)
+
+    def _restart(self, own: Array) -> None:
+        self._begin(self._prior.elsewhere(own))
 
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """Take in a bearing ``(d,)`` measured at ``own_position`` ``(d,)``.
@@ -97,6 +105,8 @@ class PseudoLinearKalmanFilter:
             If numbers are not finite, the bearing is no unit vector, or time does not increase.
         """
         g, own = checked_sample(time, bearing, own_position, self._time)
+        if self._gaps.ended(float(time)):
+            self._restart(own)
         d = len(own)
         if self._time is None:
             position, covariance = self._prior.gaussian(g, own, self._initial_variance)
@@ -116,7 +126,7 @@ class PseudoLinearKalmanFilter:
             across = before @ observation.T @ inverse
             line = np.concatenate([g, np.zeros(d)])
             bias = np.trace(inverse) * done.covariance @ line - across @ across.T @ line
-            distance = max(float(np.linalg.norm(done.mean[:d] - own)), NEAREST)
+            distance = max(float(np.linalg.norm(done.mean[:d] - own)), NOISELESS)
             self._mean = done.mean + distance * self._deviation**2 * bias
 
     def _ahead(self, step: ArrayLike) -> tuple[Array, Array]:

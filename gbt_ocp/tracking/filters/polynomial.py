@@ -6,25 +6,26 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import ArrayLike
 
+from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.priors import RangedPrior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import Window
 from gbt_ocp.typing import Array
 
-STRAY = 0.01
+POINT_WEIGHT = 0.01
 """Weight of the centre against a bearing while a target that moves is taken for a point: decimetres that it may have
 strayed from there, over metres to which the centre is known, squared."""
 
 
-class PolynomialRegression:
+class PolynomialRegression(RestartingTracker):
     """``p(t) = centre + Σ a_m T_m(s)`` by least squares over the same window and measurements as the Gaussian process.
 
     ``minimise Σ ‖Nᵀ (p(t_i) - o_i)‖² + ridge Σ ‖a_m‖²``. The time is scaled, s in [-1, 1] over the window, and T_m are
     Chebyshev's polynomials: the span of the powers, better conditioned. A window of N bearings has (d-1) N equations
     for d (order+1) unknowns; while they do not suffice the order is the largest for which they do, since a polynomial
     that is not determined goes astray when it is extrapolated (a reconstruction: the paper does not say). Until a
-    straight line is determined it is a point, held to the centre with the weight ``STRAY``: bearings that are nearly
-    parallel say little about a target that moves between them. The centre
+    straight line is determined it is a point, held to the centre with the weight ``POINT_WEIGHT``: bearings that are
+    nearly parallel say little about a target that moves between them. The centre
     is the prior position while the first bearing is in the window; afterwards, and where nothing is known, the point
     on the latest bearing at the prior's range. The spread of the prior is not used. There is no covariance.
 
@@ -52,15 +53,23 @@ class PolynomialRegression:
             raise ValueError(
                 f"order, span and ridge: found {order}, {span}, {ridge}; allowed: a number >= 0, numbers > 0"
             )
-        self.window = Window(window)
-        self._prior = prior
+        self._capacity = window
         self._span = span
         self._order = order
         self._ridge = ridge
+        self._gaps = Gaps(bearings=window)
+        self._begin(prior)
+
+    def _begin(self, prior: RangedPrior) -> None:
+        self._prior = prior
+        self.window = Window(self._capacity)
         self._first: float | None = None
         self._centre = prior.unseen
-        self._stretch = span
+        self._stretch = self._span
         self._coefficients = np.zeros((1, len(prior.unseen)))
+
+    def _restart(self, own: Array) -> None:
+        self._begin(self._prior.elsewhere(own))
 
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """Take in a bearing ``(d,)`` measured at ``own_position`` ``(d,)`` and fit the window.
@@ -70,6 +79,9 @@ class PolynomialRegression:
         ValueError
             If numbers are not finite, the bearing is no unit vector, or time does not increase.
         """
+        bearing, own_position = self.window.checked(time, bearing, own_position)
+        if self._gaps.ended(float(time)):
+            self._restart(own_position)
         self.window.append(time, bearing, own_position)
         if self._first is None:
             self._first = float(time)
@@ -83,7 +95,7 @@ class PolynomialRegression:
         order = min(self._order, max(len(rows.times) // d - 1, 0))
         design = (self._basis(rows.times, order)[:, :, None] * rows.directions[:, None, :]).reshape(len(rows.times), -1)
         several = self.window.times[0] < self.window.times[-1]
-        weight = STRAY if order == 0 < self._order and several else self._ridge
+        weight = POINT_WEIGHT if order == 0 < self._order and several else self._ridge
         damping = np.sqrt(weight) * np.eye(design.shape[1])
         wanted = np.concatenate([rows.relative_to(self._centre), np.zeros(design.shape[1])])
         self._coefficients = np.linalg.lstsq(np.vstack([design, damping]), wanted, rcond=None)[0].reshape(-1, d)

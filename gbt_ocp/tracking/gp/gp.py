@@ -58,9 +58,12 @@ class GaussianProcessTracker(WindowedTracker[Posterior]):
         nugget: float | None = None,
         prior: PositionPrior | None = None,
     ) -> None:
-        super().__init__(dimension, window=window, centre=centre, prior=prior)
         self._kernel = kernel_named(kernel)
-        self._tuning = IsotropicTuning(self._kernel, length_scale, amplitude, checked_nugget(nugget))
+        self._fixed = length_scale, amplitude, checked_nugget(nugget)
+        super().__init__(dimension, window=window, centre=centre, prior=prior)
+
+    def _forget_tuning(self) -> None:
+        self._tuning = IsotropicTuning(self._kernel, *self._fixed)
 
     def _tune(self, measurements: Measurements) -> None:
         self._tuning.tune(measurements, self._centre)

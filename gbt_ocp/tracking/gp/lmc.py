@@ -79,15 +79,17 @@ class CoregionalizedTracker(WindowedTracker[CoregionalizedPosterior]):
         nugget: float | None = None,
         prior: PositionPrior | None = None,
     ) -> None:
-        super().__init__(dimension, window=window, centre=centre, prior=prior)
         names = ["se"] * dimension if kernels is None else list(kernels)
         if len(names) < dimension:
             raise ValueError(f"kernels: found {len(names)}; allowed: at least {dimension}")
         self._kernels = [kernel_named(name) for name in names]
         self._nugget = checked_nugget(nugget)
-        self._isotropic = IsotropicTuning(self._kernels[0], length_scale, None, self._nugget)
         self._directions = _frame(dimension, len(names))
         self._length_scale = length_scale
+        super().__init__(dimension, window=window, centre=centre, prior=prior)
+
+    def _forget_tuning(self) -> None:
+        self._isotropic = IsotropicTuning(self._kernels[0], self._length_scale, None, self._nugget)
         self._theta = self._spread_out(self._isotropic.hyperparameters)
 
     def _spread_out(self, theta: Hyperparameters) -> CoregionalizedHyperparameters:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from typing import Generic, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.gp.posterior import AnyPosterior
 from gbt_ocp.tracking.priors import PositionPrior
 from gbt_ocp.tracking.protocol import Forecast, JointForecast
@@ -15,7 +16,7 @@ from gbt_ocp.tracking.window import Measurements, Window
 from gbt_ocp.typing import Array
 
 
-class WindowedTracker(ABC, Generic[AnyPosterior]):
+class WindowedTracker(RestartingTracker, Generic[AnyPosterior]):
     """Conditions a process on the bearings of a window, after tuning its hyperparameters on them.
 
     What the process is, a subclass says by :meth:`_tune` and :meth:`_conditioned`. Missed and irregular samples need no
@@ -53,16 +54,29 @@ class WindowedTracker(ABC, Generic[AnyPosterior]):
         prior: PositionPrior | None = None,
     ) -> None:
         self.dimension = dimension
-        self.window = Window(window)
+        self._capacity = window
         self._centre_on_vehicle = centre == "vehicle"
-        self._prior = PositionPrior(np.zeros(dimension)) if prior is None else prior
-        self._prior_rows = _rows_of(self._prior)
-        self._centre = np.zeros(dimension)
-        if self._centre_on_vehicle or self._prior.known is not None:
-            self._centre = self._prior.unseen
+        self.nugget_retries = 0
+        self._gaps = Gaps(bearings=window)
+        self._begin(PositionPrior(np.zeros(dimension)) if prior is None else prior)
+
+    def _begin(self, prior: PositionPrior) -> None:
+        self.window = Window(self._capacity)
+        self._prior = prior
+        self._prior_rows = _rows_of(prior)
+        self._centre = np.zeros(self.dimension)
+        if self._centre_on_vehicle or prior.known is not None:
+            self._centre = prior.unseen
         self._prior_time: float | None = None
         self._posterior: AnyPosterior | None = None
-        self.nugget_retries = 0
+        self._forget_tuning()
+
+    def _restart(self, own: Array) -> None:
+        self._begin(self._prior.elsewhere(own))
+
+    @abstractmethod
+    def _forget_tuning(self) -> None:
+        """Have the search for θ begin where it begins for the first bearing."""
 
     @abstractmethod
     def _tune(self, measurements: Measurements) -> None:
@@ -101,13 +115,16 @@ class WindowedTracker(ABC, Generic[AnyPosterior]):
             If numbers are not finite, the bearing is no unit vector, or time does not increase; the tracker is then
             unchanged.
         """
-        self.window.append(time, bearing, own_position)
+        b, own = self.window.checked(time, bearing, own_position)
+        if self._gaps.ended(float(time)):
+            self._restart(own)
+        self.window.append(time, b, own)
         if self._prior_time is None:
             self._prior_time = float(time)
         if self._prior.mean is not None and self._prior_in_window():
             self._centre = self._prior.mean
         elif self._centre_on_vehicle:
-            self._centre = np.array(own_position, dtype=float)
+            self._centre = own
         else:
             self._centre = np.zeros(self.dimension)
         measurements = self._measurements()

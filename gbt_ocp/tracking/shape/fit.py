@@ -101,14 +101,8 @@ def sightings_root(covariance: Array, diagonal: bool) -> tuple[Array, Array]:
     return np.linalg.solve(factor, identity), 2.0 * np.sum(np.log(np.diagonal(factor, axis1=-2, axis2=-1)), axis=-1)
 
 
-def whitening(covariance: Array) -> Array:
-    """A matrix A ``(d, d)`` with ``AᵀA`` the inverse of a covariance."""
-    values, axes = np.linalg.eigh(covariance)
-    return np.asarray((axes / np.sqrt(values)).T)
-
-
 @dataclass(frozen=True)
-class Fit:
+class LaplaceFit:
     """Gaussians of B motions, in steps of the whitened coordinates about their modes.
 
     Attributes
@@ -138,8 +132,8 @@ class Fit:
     ranges: Array
     iterations: int
 
-    def __getitem__(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> Fit:
-        return Fit(
+    def __getitem__(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> LaplaceFit:
+        return LaplaceFit(
             self.motions[which],
             self.covariance[which],
             self.log_evidence[which],
@@ -150,9 +144,9 @@ class Fit:
         )
 
     @staticmethod
-    def joined(parts: Sequence[Fit]) -> Fit:
+    def joined(parts: Sequence[LaplaceFit]) -> LaplaceFit:
         """All components of the parts, which saw the same bearings, in order."""
-        return Fit(
+        return LaplaceFit(
             Motions.joined([part.motions for part in parts]),
             np.concatenate([part.covariance for part in parts]),
             np.concatenate([part.log_evidence for part in parts]),
@@ -223,7 +217,7 @@ class _View:
         return slopes
 
 
-def fit(shape: MotionShape, motions: Motions, seen: Sightings, iterations: int) -> Fit:
+def fit(shape: MotionShape, motions: Motions, seen: Sightings, iterations: int) -> LaplaceFit:
     """The modes near the given motions, with the Gaussians about them.
 
     A step that raises the objective is taken back to a quarter. It ends early when all motions have settled.
@@ -270,7 +264,7 @@ def fit(shape: MotionShape, motions: Motions, seen: Sightings, iterations: int) 
     rows = directions * len(seen.times)
     log_evidence = -0.5 * (objective + log_determinant + directions * seen.log_determinant + rows * np.log(2.0 * np.pi))
     residuals = best.rows[:, :rows].reshape(len(motions), len(seen.times), directions)
-    return Fit(motions, inverses(factors), log_evidence, residuals, best.angles, best.ranges, taken)
+    return LaplaceFit(motions, inverses(factors), log_evidence, residuals, best.angles, best.ranges, taken)
 
 
 def _newton(shape: MotionShape, at: _Misfit, slopes: Array, motions: Motions) -> tuple[Array, Array, Array]:

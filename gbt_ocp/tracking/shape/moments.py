@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from gbt_ocp.tracking.protocol import mixed
-from gbt_ocp.tracking.shape.fit import Fit
+from gbt_ocp.tracking.shape.fit import LaplaceFit
 from gbt_ocp.tracking.shape.motions import MotionShape
 from gbt_ocp.tracking.shape.processes import interpolation
 from gbt_ocp.typing import Array
 
 
-class Moments(NamedTuple):
+class NodeMoments(NamedTuple):
     """Moments at evenly spaced nodes, relative to the own position now.
 
     Attributes
@@ -35,28 +35,40 @@ class Moments(NamedTuple):
     covariance: Array
 
     def at(self, times: Array) -> tuple[Array, Array]:
-        """Between the nodes, at times ``(K,)`` in seconds relative to now."""
+        """Mean ``(K, d)`` and covariance ``(K, d, d)`` at times ``(K,)`` in seconds relative to now.
+
+        Linear between the nodes. Beyond the last node ahead, H seconds from now, the mean goes straight on and the
+        covariance grows with ``(t/H)³``. No term of the linearised motion grows faster: a heading that has diffused
+        makes that power, an unknown speed the second. Before the oldest node of the past the values are held.
+        """
         weights = interpolation(self.times, times)
-        return weights @ self.mean, np.einsum("kg,gij->kij", weights, self.covariance)
+        mean, covariance = weights @ self.mean, np.einsum("kg,gij->kij", weights, self.covariance)
+        last = float(self.times[-1])
+        beyond = times > max(last, 0.0) + 1e-9
+        if np.any(beyond):
+            velocity = (self.mean[-1] - self.mean[-2]) / (self.times[-1] - self.times[-2])
+            mean[beyond] += (times[beyond] - last)[:, None] * velocity
+            covariance[beyond] *= ((times[beyond] / last) ** 3)[:, None, None]
+        return mean, covariance
 
 
-def moments_ahead(shape: MotionShape, found: Fit, weights: Array, horizon: float) -> Moments:
-    """Moments from now to at least ``horizon`` seconds ahead, under weights ``(B,)`` that sum to one."""
+def moments_ahead(shape: MotionShape, found: LaplaceFit, weights: Array, horizon: float) -> NodeMoments:
+    """Moments from now to ``horizon`` seconds ahead or a little further, under weights ``(B,)`` that sum to one."""
     times, nodes = shape.ahead(found.motions, horizon)
     known = shape.size
     spread = _spread(nodes.slopes[..., :known], found.covariance)
     beyond = nodes.slopes[..., known:]
     spread += np.einsum("bgik,bgjk->bgij", beyond, beyond)
-    return Moments(times, *mixed(weights, nodes.positions, spread))
+    return NodeMoments(times, *mixed(weights, nodes.positions, spread))
 
 
-def moments_behind(shape: MotionShape, found: Fit, weights: Array) -> Moments:
+def moments_behind(shape: MotionShape, found: LaplaceFit, weights: Array) -> NodeMoments:
     """Moments over the past that the knots reach: the smoothed track."""
     nodes = shape.past(found.motions)
-    return Moments(shape.past_nodes, *mixed(weights, nodes.positions, _spread(nodes.slopes, found.covariance)))
+    return NodeMoments(shape.past_nodes, *mixed(weights, nodes.positions, _spread(nodes.slopes, found.covariance)))
 
 
-def moments_now(shape: MotionShape, found: Fit, weights: Array) -> tuple[Array, Array, Array]:
+def moments_now(shape: MotionShape, found: LaplaceFit, weights: Array) -> tuple[Array, Array, Array]:
     """What is known of position and velocity now, as the joint moments of the positions at the two latest nodes.
 
     Returns

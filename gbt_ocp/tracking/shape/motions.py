@@ -27,6 +27,9 @@ from gbt_ocp.typing import Array
 
 Indices = NDArray[np.intp]
 
+AHEAD = 4
+"""Spans of the past that are computed ahead of now; see :attr:`MotionShape.longest_ahead`."""
+
 FLAT_ANGLE = np.pi / np.sqrt(3.0)
 """Standard deviation in radians of an angle of which nothing is known."""
 
@@ -114,6 +117,11 @@ class MotionShape:
         self._ahead: dict[int, Operators] = {}
 
     @property
+    def longest_ahead(self) -> float:
+        """How far ahead of now motions are computed, in seconds, so that the cost is bounded by the span."""
+        return AHEAD * self._slow_knots * SLOWER * self._knot
+
+    @property
     def past_nodes(self) -> Array:
         """Times of the nodes of the past, from 0 downwards ``(G,)`` in seconds."""
         return self._past.nodes
@@ -175,6 +183,8 @@ class MotionShape:
         p, white = self.prior, np.zeros_like(motions.white)
         times, nodes = self.ahead(motions, step)
         place = (interpolation(times, np.array([step])) @ nodes.positions)[:, 0] - own
+        if step > times[-1]:  # straight on; the processes keep the values that they have reached
+            place += (step - times[-1]) * nodes.velocity[:, -1]
         ranges = np.maximum(np.linalg.norm(place, axis=1), 1e-6)
         white[:, 0] = np.log(ranges / p.range.median) / p.range.log_std
         fast = np.asarray(step + self._knots)
@@ -211,7 +221,7 @@ class MotionShape:
         return self._course(motions, there, motions.white)
 
     def ahead(self, motions: Motions, horizon: float, white: Array | None = None) -> tuple[Array, Course]:
-        """Motions at nodes from now to at least ``horizon`` seconds ahead.
+        """Motions at nodes from now to at least ``horizon`` seconds ahead, or as far as :attr:`longest_ahead`.
 
         Parameters
         ----------
@@ -235,7 +245,8 @@ class MotionShape:
         return self._blocks_ahead(horizon) * (SLOWER + self.dimension - 1)
 
     def _blocks_ahead(self, horizon: float) -> int:
-        return max(1, int(np.ceil(horizon / (SLOWER * self._knot) - 1e-9)))
+        wanted = np.ceil(horizon / (SLOWER * self._knot) - 1e-9)
+        return int(np.clip(wanted, 1, AHEAD * self._slow_knots))
 
     def _operators_ahead(self, horizon: float) -> Operators:
         blocks = self._blocks_ahead(horizon)

@@ -1,41 +1,40 @@
 """Tracker of noisy bearings with a Gaussian process on the shape of the motion, for ranges that may not be observable.
 
-Every estimate starts from the last one, moved to the present time, and competes with starts at several ranges. The
-result is a mixture: the distinct motions that fit (near and far), each averaged over the grid of hyperparameters and
-weighed by Laplace's approximation of the evidence.
+Every estimate starts from the last one, seen from the new now, and competes with starts at several ranges. What remains
+is a mixture: the distinct motions that fit (near and far), each averaged over the grid of hyperparameters, weighed by
+Laplace's approximation of the evidence.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.models.bearings import log_map, tangent_basis
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
+from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import PositionPrior
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, relative_range_std
-from gbt_ocp.tracking.shape.fit import Fit, Known, Sightings, fit, sightings_root, whitening
-from gbt_ocp.tracking.shape.hypotheses import UNLIKELY, Hypothesis, cold_starts, distinct, log_mean, same_motion
-from gbt_ocp.tracking.shape.moments import Moments, moments_ahead, moments_behind, moments_now
+from gbt_ocp.tracking.shape.fit import Known, Sightings, fit, sightings_root
+from gbt_ocp.tracking.shape.hypotheses import MotionHypotheses, MotionHypothesis, cold_starts, competed
+from gbt_ocp.tracking.shape.memory import TrackMemory, precision_root
+from gbt_ocp.tracking.shape.moments import NodeMoments, moments_ahead, moments_behind, moments_now
 from gbt_ocp.tracking.shape.motions import Motions, MotionShape
 from gbt_ocp.tracking.shape.processes import ShapePrior
 from gbt_ocp.typing import Array
 
-COLD_ITERATIONS = 8
-"""Steps of a start that nothing is known of."""
-
-RECENT = 8
+RECENT_BINS = 8
 """Bins over which the reset test looks."""
 
-LOST = 6.0
+LOST_RESIDUAL = 6.0
 """Mean squared standardised residual of the recent bins above which a track counts as lost."""
 
 
-class MotionShapeTracker:
+class MotionShapeTracker(RestartingTracker):
     """Tracks a target by the shape of its motion; see :mod:`~gbt_ocp.tracking.shape.motions`.
 
     Parameters
@@ -57,9 +56,8 @@ class MotionShapeTracker:
     hypotheses
         Largest number of distinct motions kept.
     memory
-        Factor on the deviations of the position and velocity that are remembered from before the window: the posterior
-        when the window's first bearing came, of the bearings that have left. Its error comes back every window and it
-        is no exact Gaussian, so it is trusted less than it says. Infinity remembers nothing.
+        Factor on the deviations of the position and velocity that are remembered from before the window (see
+        :class:`~gbt_ocp.tracking.shape.memory.TrackMemory`). Infinity remembers nothing.
     iterations
         Largest number of Gauss-Newton steps of an estimate that starts from the last one.
     gate
@@ -67,6 +65,13 @@ class MotionShapeTracker:
         :class:`~gbt_ocp.tracking.bins.BearingBins`); infinity trusts all of them.
     position
         What is known of the position at the first bearing; by default nothing, with the vehicle at the origin.
+
+    Attributes
+    ----------
+    bins
+        The bearings of the window.
+    restarts
+        How often the track was lost and begun again.
 
     Raises
     ------
@@ -102,8 +107,8 @@ class MotionShapeTracker:
         self._prior = prior if prior is not None else ShapePrior()
         # what is remembered may be older than the oldest bin by two updates and the time between two nodes
         knot = knot or 2.0 * bin_width
-        self._span = window + bin_width + (2.0 * update + knot if np.isfinite(memory) else 0.0)
-        self._shape = MotionShape(dimension, self._prior, span=self._span, knot=knot)
+        span = window + bin_width + (2.0 * update + knot if np.isfinite(memory) else 0.0)
+        self._shape = MotionShape(dimension, self._prior, span=span, knot=knot)
         self._noise = noise
         self._update = update
         p = self._prior.range
@@ -111,27 +116,34 @@ class MotionShapeTracker:
         self._most = hypotheses
         self._iterations = iterations
         self._gate = gate
-        self._position = PositionPrior(np.zeros(dimension)) if position is None else position
-        self._own = self._position.start
-        self._memory = memory
-        self._trail: deque[tuple[float, Known]] = deque()
+        self._remembers = np.isfinite(memory)
+        self._memory = TrackMemory(memory, span)
+        self._gaps = Gaps(span=window)
+        self.restarts = 0
+        self._begin(PositionPrior(np.zeros(dimension)) if position is None else position)
+
+    def _begin(self, position: PositionPrior) -> None:
+        self.bins.clear()
+        self._memory.clear()
+        self._position = position
+        self._own = position.start
         self._first: float | None = None
         self._now = np.nan
-        self._fit: Fit | None = None
-        self._labels = np.zeros(0, dtype=np.intp)
-        self._ahead: Moments | None = None
+        self._found: MotionHypotheses | None = None
+        self._ahead: NodeMoments | None = None
+        self._behind: NodeMoments | None = None
         self._reach = self._asked = 0.0
-        self._behind: Moments | None = None
         self._estimates = 0
         self._unfit = 0
         self._open = True
-        self.resets = 0
-        """How often the track was lost and begun anew."""
+
+    def _restart(self, own: Array) -> None:
+        self._begin(self._position.elsewhere(own))
 
     # ---- bearings in ------------------------------------------------------------------------------------------------
 
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
-        """Take in a bearing ``(d,)`` measured at ``own_position`` ``(d,)``; estimate anew when it is time.
+        """Take in a bearing ``(d,)`` measured at ``own_position`` ``(d,)``; estimate again when it is time.
 
         Raises
         ------
@@ -139,26 +151,29 @@ class MotionShapeTracker:
             If numbers are not finite, the bearing is no unit vector, or time does not increase; the tracker is then
             unchanged.
         """
-        expected, suspect = self._expected(time, bearing, own_position)
-        self.bins.append(time, bearing, own_position, expected=expected, suspect=suspect)
+        t = float(time)
+        b, own = self.bins.checked(t, bearing, own_position)
+        if self._gaps.ended(t):
+            self._restart(own)
+        expected, suspect = self._expected(t, b, own)
+        self.bins.append(t, b, own, expected=expected, suspect=suspect)
         if self._first is None:
-            self._first = float(time)
-        if self._fit is None or time - self._now >= self._update - 1e-9:
-            self._estimate(float(time), np.array(own_position, dtype=float))
+            self._first = t
+        if self._found is None or t - self._now >= self._update - 1e-9:
+            self._estimate(t, own)
 
-    def _expected(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> tuple[Array | None, bool]:
+    def _expected(self, time: float, bearing: Array, own: Array) -> tuple[Array | None, bool]:
         """Direction in which the target is expected ``(d,)``, and whether a bearing lies beyond the gate from it."""
-        if self._fit is None or not np.isfinite(self._gate):
+        if self._found is None or not np.isfinite(self._gate):
             return None, False
         mean, covariance = (values[0] for values in self.predict([time]))
-        line = mean - np.asarray(own_position, dtype=float)
+        line = mean - own
         distance = float(np.linalg.norm(line))
-        b = np.asarray(bearing, dtype=float)
-        if not (distance > 0.0 and np.all(np.isfinite(b))):
+        if not distance > 0.0:
             return None, False
         unit = line / distance
         basis = tangent_basis(unit)
-        angle = log_map(unit, b, basis)
+        angle = log_map(unit, bearing, basis)
         n = self._noise
         single = n.std**2 + n.correlated_std**2 + (n.own_std / distance) ** 2
         spread = basis.T @ covariance @ basis / distance**2 + single * np.eye(self.dimension - 1)
@@ -167,53 +182,30 @@ class MotionShapeTracker:
     # ---- estimating -------------------------------------------------------------------------------------------------
 
     def _estimate(self, now: float, own: Array) -> None:
-        means = self.bins.means()
-        warm = self._fit
-        if warm is not None:
-            motions = self._shape.advanced(warm.motions, now - self._now, own - self._own)
+        means, found = self.bins.means(), self._found
+        if found is not None:
+            motions = self._shape.advanced(found.fit.motions, now - self._now, own - self._own)
             self._now, self._own = now, own
-            self._fit = fit(self._shape, motions, self._sightings(means, motions), self._iterations)
+            fitted = fit(self._shape, motions, self._sightings(means, motions), self._iterations)
+            found = replace(found, fit=fitted)
         self._now, self._own = now, own
         self._ahead = self._behind = None
         self._reach, self._asked = self._asked, 0.0
         self._estimates += 1
         # at every estimate while it is open where the target is, now and then afterwards
-        if self._fit is None or self._unfit or self._estimates % 5 == 0 or self._open:
-            self._compete(means)
-        assert self._fit is not None, "the competition adds one"
-        self._fit, self._labels = distinct(self._shape, self._fit, self._labels, self._most)
-        self._open = not self.range_observable
-        if not self._open and np.isfinite(self._memory):
-            times, mean, covariance = moments_now(self._shape, *self._likely())
-            self._trail.append((now, Known(now + times, own + mean, whitening(covariance) / self._memory)))
-        self._check()
+        if found is None or self._unfit or self._estimates % 5 == 0 or self._open:
+            cold = cold_starts(self._shape, self._starts, means, now, own)
 
-    def _compete(self, means: BinnedBearings) -> None:
-        """Add the motions that starts at several ranges lead to, if they fit no worse and are others."""
-        points = np.arange(len(self._shape.grid))
-        middle = len(points) // 2
-        cold = cold_starts(self._shape, means, self._now, self._own, self._starts, middle)
-        tried = fit(self._shape, cold, self._sightings(means, cold), COLD_ITERATIONS)
-        kept = self._fit
-        if kept is not None:
-            same_point = kept[kept.motions.theta == middle]
-            standard = float(same_point.log_evidence.max())
-        else:
-            same_point, standard = tried[np.zeros(0, dtype=np.intp)], float(tried.log_evidence.max())
-        new: list[int] = []
-        for one in np.argsort(-tried.log_evidence):
-            if tried.log_evidence[one] < standard + 0.5 * UNLIKELY or len(new) == self._most:
-                break
-            others = Fit.joined([same_point, tried[np.array(new, dtype=np.intp)]])
-            if not np.any(same_motion(self._shape, tried[np.array([one])], others)):
-                new.append(int(one))
-        if not new:
-            return
-        motions = Motions.joined([self._shape.transferred(tried.motions[np.array([one])], points) for one in new])
-        found = fit(self._shape, motions, self._sightings(means, motions), self._iterations)
-        labels = np.repeat(np.arange(len(new)) + len(self._labels), len(points))
-        self._fit = found if kept is None else Fit.joined([kept, found])
-        self._labels = labels if kept is None else np.concatenate([self._labels, labels])
+            def sight(motions: Motions) -> Sightings:
+                return self._sightings(means, motions)
+
+            found = competed(self._shape, found, cold, sight, self._most, self._iterations)
+        self._found = found.distinct(self._most)
+        self._open = not self.range_observable
+        if not self._open and self._remembers:
+            times, mean, covariance = moments_now(self._shape, *self._found.likely)
+            self._memory.keep(now, now + times, own + mean, covariance)
+        self._check(self._found)
 
     def _sightings(self, means: BinnedBearings, motions: Motions) -> Sightings:
         times, own = means.times - self._now, means.own_positions - self._own
@@ -225,33 +217,23 @@ class MotionShapeTracker:
             ranges = np.ones((1, len(times)))
         covariance = n.covariance(means, np.maximum(ranges, 1e-2), n.white_variance(self.bins))
         root, log_determinant = sightings_root(covariance, n.correlated_std == 0.0)
-        known = self._remembered()
+        known = self._memory.recall(self.bins.begins, self._now)
         assert self._first is not None, "there is a bearing"
         if known is None and self._position.known is not None and means.times[0] <= self._first + self.bins.width:
             position, spread = self._position.known
-            known = Known(np.array([self._first]), position[None], whitening(spread))
+            known = Known(np.array([self._first]), position[None], precision_root(spread))
         seen = None if known is None else known.seen_from(self._now, self._own)
         return Sightings(times, means.bearings, own, root, log_determinant, seen)
 
-    def _remembered(self) -> Known | None:
-        """What the bearings say that have left the window, if anything; it rests on none of the window's."""
-        begins = self.bins.begins
-        while len(self._trail) > 1 and self._trail[1][0] <= begins + 1e-9:
-            self._trail.popleft()
-        if not self._trail or self._trail[0][0] > begins + 1e-9 or self._trail[0][1].times[-1] < self._now - self._span:
-            return None
-        return self._trail[0][1]
-
-    def _check(self) -> None:
+    def _check(self, found: MotionHypotheses) -> None:
         """Reset test: bearings that no motion of the prior explains mean that the track is lost."""
-        assert self._fit is not None
-        recent = self._fit.residuals[int(np.argmax(self._fit.log_evidence)), -RECENT:]
-        self._unfit = self._unfit + 1 if np.mean(recent**2) > LOST else 0
+        recent = found.fit.residuals[int(np.argmax(found.fit.log_evidence)), -RECENT_BINS:]
+        self._unfit = self._unfit + 1 if np.mean(recent**2) > LOST_RESIDUAL else 0
         if self._unfit >= 3:
-            self.resets += 1
+            self.restarts += 1
             self._unfit = 0
-            self._fit = None
-            self._trail.clear()
+            self._found = None
+            self._memory.clear()
             self.bins.forget_before(self._now - 0.4 * self.bins.window)
             self._estimate(self._now, self._own)
 
@@ -263,42 +245,21 @@ class MotionShapeTracker:
         return float(self._now)
 
     @property
-    def weights(self) -> Array:
-        """Probability of each component ``(B,)``."""
-        assert self._fit is not None
-        share = np.exp(self._fit.log_evidence - self._fit.log_evidence.max())
-        return np.asarray(share / share.sum())
-
-    @property
     def log_evidence(self) -> float:
-        """Logarithm of the density of the mean bearings in the window, in angles, averaged over the grid."""
-        if self._fit is None:
-            return 0.0
-        return log_mean(self._fit.log_evidence) + float(np.log(np.max(self._labels) + 1.0))
+        """Logarithm of the density of the mean bearings in the window, in angles; 0 before the first bearing."""
+        return 0.0 if self._found is None else self._found.log_evidence
 
     @property
-    def hypotheses(self) -> list[Hypothesis]:
+    def hypotheses(self) -> list[MotionHypothesis]:
         """The distinct motions that fit, likeliest first; none before the first bearing."""
-        if self._fit is None:
-            return []
-        weights, log_range = self.weights, self._shape.log_range(self._fit.motions)
-        variance = self._prior.range.log_std**2 * self._fit.covariance[:, 0, 0]
-        found = []
-        for name in np.unique(self._labels):
-            mine = self._labels == name
-            total = weights[mine].sum()
-            share = weights[mine] / max(total, 1e-300)
-            mean = share @ log_range[mine]
-            spread = share @ (variance[mine] + (log_range[mine] - mean) ** 2)
-            found.append(Hypothesis(float(total), float(np.exp(mean)), float(np.sqrt(spread))))
-        return sorted(found, reverse=True)
+        return [] if self._found is None else self._found.summary
 
     @property
     def range_std_over_range(self) -> float:
         """Posterior standard deviation of the range now over the range; that of the prior before the first bearing."""
-        if self._fit is None:
+        if self._found is None:
             return self._prior.range.log_std
-        now = self._moments_ahead(0.0)
+        now = self._moments_ahead(self._found, 0.0)
         return float(relative_range_std(now.mean[0], now.covariance[0], np.zeros(self.dimension)))
 
     @property
@@ -306,38 +267,37 @@ class MotionShapeTracker:
         """Whether the range is known to a quarter; before, it is mostly the prior's."""
         return self.range_std_over_range < RANGE_OBSERVABLE
 
-    def _moments_ahead(self, horizon: float) -> Moments:
+    def _moments_ahead(self, found: MotionHypotheses, horizon: float) -> NodeMoments:
+        horizon = min(horizon, self._shape.longest_ahead)
         self._asked = max(self._asked, horizon)
         if self._ahead is None or self._ahead.times[-1] < horizon - 1e-9:
             # as far as it was asked for after the last estimate, or well beyond what was asked for after this one
             known = self._reach if self._ahead is None else 2.0 * float(self._ahead.times[-1])
             longest = max(horizon, known)
-            self._ahead = moments_ahead(self._shape, *self._likely(), longest)
+            self._ahead = moments_ahead(self._shape, *found.likely, longest)
         return self._ahead
-
-    def _likely(self) -> tuple[Fit, Array]:
-        assert self._fit is not None
-        likely = self.weights > np.exp(UNLIKELY)
-        return self._fit[likely], self.weights[likely] / self.weights[likely].sum()
 
     def predict(self, times: ArrayLike) -> Forecast:
         """Posterior mean ``(K, d)`` and covariance ``(K, d, d)`` at the times ``(K,)`` in seconds.
 
-        Times in the past give the smoothed track, as far as the window reaches. Before the first bearing, nothing but
-        the priors on position or range is known.
+        Times in the past give the smoothed track, as far as the window reaches. Times further ahead than
+        :attr:`~gbt_ocp.tracking.shape.motions.MotionShape.longest_ahead` are extrapolated (see
+        :meth:`~gbt_ocp.tracking.shape.moments.NodeMoments.at`). Before the first bearing, only the prior on position or
+        range is known.
         """
         t = np.atleast_1d(np.asarray(times, dtype=float))
-        if self._fit is None:
+        found = self._found
+        if found is None:
             return self._unseen(len(t))
         lag = t - self._now
         mean = np.empty((len(t), self.dimension))
         covariance = np.empty((len(t), self.dimension, self.dimension))
         ahead = lag >= 0.0
         if np.any(ahead):
-            mean[ahead], covariance[ahead] = self._moments_ahead(float(lag.max())).at(lag[ahead])
+            mean[ahead], covariance[ahead] = self._moments_ahead(found, float(lag.max())).at(lag[ahead])
         if not np.all(ahead):
             if self._behind is None:
-                self._behind = moments_behind(self._shape, *self._likely())
+                self._behind = moments_behind(self._shape, *found.likely)
             mean[~ahead], covariance[~ahead] = self._behind.at(lag[~ahead])
         return Forecast(self._own + mean, covariance)
 
