@@ -5,7 +5,7 @@ import pytest
 
 import gbt_ocp as gbt
 from gbt_ocp.experiments.replay import replay
-from gbt_ocp.tracking.innovations import MANY_TIMES, standardised_innovations, standardised_kinks
+from gbt_ocp.tracking.disagreement import MANY_TIMES, standardised_innovations, standardised_kinks
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.protocol import Forecast
 

@@ -12,11 +12,11 @@ from gbt_ocp.experiments.config.tracker import TrackerSection
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.simulation.history import History
 from gbt_ocp.simulation.replayed_track import BearingLog, ReplayedTrack
-from gbt_ocp.tracking.innovations import disagreement, standardised_innovations, standardised_kinks
+from gbt_ocp.tracking.disagreement import disagreement, standardised_innovations, standardised_kinks
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.protocol import Forecast
 
-UNKNOWN = math.radians(1.0)
+NOISE_UNKNOWN = math.radians(1.0)
 """Deviation in radians that counts as noise for a tracker that has no noise of its own."""
 
 LEAST = math.radians(0.3)
@@ -25,7 +25,9 @@ LEAST = math.radians(0.3)
 
 def _noise(section: TrackerSection, sensor: BearingSensor) -> BearingNoise:
     noise = configured_noise(section, sensor)
-    return BearingNoise(max(UNKNOWN, sensor.noise)) if noise is None else replace(noise, std=max(noise.std, LEAST))
+    return (
+        BearingNoise(max(NOISE_UNKNOWN, sensor.noise)) if noise is None else replace(noise, std=max(noise.std, LEAST))
+    )
 
 
 def _line(name: str, ratio: float | None, noise: BearingNoise) -> list[str]:
