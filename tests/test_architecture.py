@@ -138,10 +138,6 @@ STUDIES = "studies/paper/fig"
 IN_TRACKING = {
     # modules: both trackers of noisy bearings have a tracker, a fit, hypotheses; both families of processes kernels
     *("fit", "hypotheses", "kernels", "tracker"),
-    # classes
-    *("Hypothesis", "Moments", "Solution"),
-    # constants
-    *("LOST", "NEAREST", "NEGLIGIBLE", "RECENT", "STRAY", "UNLIKELY"),
 }
 """Names that stand for several things within ``tracking``."""
 

@@ -16,7 +16,7 @@ from gbt_ocp.tracking.disagreement import disagreement, standardised_innovations
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.protocol import Forecast
 
-NOISE_UNKNOWN = math.radians(1.0)
+UNSTATED = math.radians(1.0)
 """Deviation in radians that counts as noise for a tracker that has no noise of its own."""
 
 LEAST = math.radians(0.3)
@@ -25,9 +25,7 @@ LEAST = math.radians(0.3)
 
 def _noise(section: TrackerSection, sensor: BearingSensor) -> BearingNoise:
     noise = configured_noise(section, sensor)
-    return (
-        BearingNoise(max(NOISE_UNKNOWN, sensor.noise)) if noise is None else replace(noise, std=max(noise.std, LEAST))
-    )
+    return BearingNoise(max(UNSTATED, sensor.noise)) if noise is None else replace(noise, std=max(noise.std, LEAST))
 
 
 def _line(name: str, ratio: float | None, noise: BearingNoise) -> list[str]:

@@ -25,7 +25,7 @@ MANY_TIMES = 4.0
 """Upper quartile above which bearings disagree with the noise: it is 1.15 for normal errors, at most 1.8 in the shipped
 runs and 1.4 in logs of a single boat at sea."""
 
-FEWEST_INNOVATIONS = 20
+LEAST_COUNT = 20
 """Measures below which nothing is concluded."""
 
 
@@ -91,8 +91,6 @@ def standardised_kinks(times: Array, bearings: Array, noise: BearingNoise) -> Ar
 def disagreement(measures: Sequence[Array]) -> float | None:
     """Largest upper quartile of measures if it is far above 1, otherwise ``None``."""
     finite = [values[~np.isnan(values)] for values in measures]
-    quartiles = [
-        float(np.quantile(values, 0.75, method="lower")) for values in finite if len(values) >= FEWEST_INNOVATIONS
-    ]
+    quartiles = [float(np.quantile(values, 0.75, method="lower")) for values in finite if len(values) >= LEAST_COUNT]
     largest = max(quartiles, default=0.0)
     return largest if largest > MANY_TIMES else None
