@@ -1,4 +1,4 @@
-"""Two models of the target's motion, weighed by how well each predicted the bearings: shape of the motion, and velocity.
+"""Two models of the target's motion, weighed by how well each predicted the bearings: its shape, and its velocity.
 
 The Gaussian process on the shape of the motion is the better one where a target keeps its speed, and the worse one
 where it does not; that on the velocity knows nothing of speed. Both read the same bins. The evidence of a model M for
