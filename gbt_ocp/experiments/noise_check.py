@@ -15,6 +15,7 @@ from gbt_ocp.simulation.replayed_track import BearingLog, ReplayedTrack
 from gbt_ocp.tracking.disagreement import disagreement, standardised_innovations, standardised_kinks
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.protocol import Forecast
+from gbt_ocp.typing import Array
 
 UNSTATED = math.radians(1.0)
 """Deviation in radians that counts as noise for a tracker that has no noise of its own."""
@@ -23,9 +24,25 @@ LEAST = math.radians(0.3)
 """Least deviation in radians that counts as noise: lines of sight bend by so much between bearings."""
 
 
-def _noise(section: TrackerSection, sensor: BearingSensor) -> BearingNoise:
-    noise = configured_noise(section, sensor)
-    return BearingNoise(max(UNSTATED, sensor.noise)) if noise is None else replace(noise, std=max(noise.std, LEAST))
+def _disagreement(
+    section: TrackerSection, sensor: BearingSensor, times: Array, own: Array, bearings: Array, before: Forecast
+) -> tuple[float | None, BearingNoise]:
+    """How far bearings ``(K, d)`` are off, if far, and the noise they were compared with.
+
+    A tracker without a noise of its own says nothing of how far its forecast may be off, so that only the bearings are
+    compared with each other.
+    """
+    configured = configured_noise(section, sensor)
+    seen = np.isfinite(bearings).all(axis=1)
+    if configured is None:
+        noise = BearingNoise(max(UNSTATED, sensor.noise))
+        return disagreement([standardised_kinks(times[seen], bearings[seen], noise)]), noise
+    noise = replace(configured, std=max(configured.std, LEAST))
+    measures = [
+        standardised_innovations(before, own, bearings, noise),
+        standardised_kinks(times[seen], bearings[seen], noise),
+    ]
+    return disagreement(measures), noise
 
 
 def _line(name: str, ratio: float | None, noise: BearingNoise) -> list[str]:
@@ -44,14 +61,8 @@ def replay_noise_warnings(
     track: ReplayedTrack, log: BearingLog, section: TrackerSection, sensor: BearingSensor
 ) -> list[str]:
     """A line if the bearings of a log disagree with the noise that its tracker was given; else nothing."""
-    noise = _noise(section, sensor)
-    ratio = disagreement(
-        [
-            standardised_innovations(track.before, log.own, log.bearings, noise),
-            standardised_kinks(log.times, log.bearings, noise),
-        ]
-    )
-    return _line(track.name, ratio, noise)
+    found = _disagreement(section, sensor, log.times, log.own, log.bearings, track.before)
+    return _line(track.name, *found)
 
 
 def run_noise_warnings(
@@ -61,17 +72,13 @@ def run_noise_warnings(
 
     What was expected of a bearing is the forecast of the step before, a period ahead.
     """
-    d = history.dimension
-    noise = _noise(section, sensor)
-    bearings, own = history.bearing, history.vehicle_pose[:, :d]
-    seen = np.isfinite(bearings).all(axis=1)
-    measures = [standardised_kinks(history.t[seen], bearings[seen], noise)]
+    own = history.vehicle_pose[:, : history.dimension]
     place = sensor.period / forecast_period
     index, share = int(place), place - int(place)
+    before = Forecast(
+        np.full_like(history.forecast_mean[:, 0], np.nan), np.full_like(history.forecast_cov[:, 0], np.nan)
+    )
     if index + 1 < history.forecast_mean.shape[1]:
-        mean, covariance = (
-            (1.0 - share) * values[:-1, index] + share * values[:-1, index + 1]
-            for values in (history.forecast_mean, history.forecast_cov)
-        )
-        measures.append(standardised_innovations(Forecast(mean, covariance), own[1:], bearings[1:], noise))
-    return _line(section.kind, disagreement(measures), noise)
+        for one, ahead in zip(before, (history.forecast_mean, history.forecast_cov), strict=True):
+            one[1:] = (1.0 - share) * ahead[:-1, index] + share * ahead[:-1, index + 1]
+    return _line(section.kind, *_disagreement(section, sensor, history.t, own, history.bearing, before))

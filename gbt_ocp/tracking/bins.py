@@ -71,7 +71,7 @@ class _Bin:
             if len(self.rows) >= ENOUGH:
                 offsets = np.array(self.offsets)
                 away = np.linalg.norm(offsets - np.median(offsets, axis=0), axis=1)
-                # halfway between two halves that disagree there is nobody
+                # no bearing lies halfway between two halves that disagree
                 self._kept = away <= max(stray, float(np.median(away)))
             else:
                 suspects = np.array(self.suspects)

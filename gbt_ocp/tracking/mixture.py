@@ -1,4 +1,4 @@
-"""Two models of the target's motion, weighed by how well each foretold the bearings: shape of the motion, and velocity.
+"""Two models of the target's motion, weighed by how well each predicted the bearings: its shape, and its velocity.
 
 The Gaussian process on the shape of the motion is the better one where a target keeps its speed, and the worse one
 where it does not; that on the velocity knows nothing of speed. Both read the same bins. The evidence of a model M for
@@ -9,7 +9,7 @@ the bins 1 to K of the window is, by the chain rule and whatever came before the
 a sum of densities of bearings that were predicted before they came (the prequential evidence of Dawid, J. R. Stat.
 Soc. A 147, 1984; the mode probabilities of interacting multiple models are made of the same densities). So it does not
 matter that one model remembers more than its window and the other does not, that their priors have other forms, or
-which linearisation each has arrived at: what counts is what was foretold, for the same bins from the same bearings.
+which linearisation each has arrived at: what counts is what was predicted, for the same bins from the same bearings.
 
 Both must have the same unit. Linearised at the predicted position with range r, a bin is a pseudo-measurement
 ``y = hᵀ P_T + r ε`` in metres, of density N(y; hᵀμ, hᵀΣh + r² R); the angle off the prediction is e = (y - hᵀμ)/r, so
@@ -101,7 +101,7 @@ def log_density(one: BinnedBearings, expected: Forecast, noise: BearingNoise, wh
 class MixtureTracker(RestartingTracker):
     """The mixture of a motion-shape process and a velocity process by evidence.
 
-    Bearings go to the bins of the first; whenever it estimates anew, the second does so from the same bins. A lost
+    Bearings go to the bins of the first; whenever it estimates again, the second does so from the same bins. A lost
     track of either is begun again by its own test; bins that the first then forgets no longer count as evidence.
 
     Parameters

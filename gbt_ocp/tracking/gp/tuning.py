@@ -114,7 +114,7 @@ class IsotropicTuning:
         self._log_theta = warm
         if self._nugget is not None or warm[0] > SHORT + np.log(LENGTH_SCALE_PRIOR.median):
             return
-        # Noise can be told as a motion that jitters, and from there no local search comes back: ask the other way too.
+        # Noise can be taken for a motion that jitters, and no local search leaves that: try the other start too.
         smooth = maximise(likelihood, self._smooth, self._bounds, self._priors)
         self._log_theta = likelier(likelihood, warm, smooth, self._priors)
 

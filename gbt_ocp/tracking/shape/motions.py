@@ -7,7 +7,7 @@ climb angle. Time runs relative to *now*; with u the direction to the target and
     p(t) = exp(ρ) u - ∫_t^0 v dτ,   v = exp(s + c) [cos h, sin h]   (in space times cos γ, with sin γ as third),
     h(t) = h_0 - ∫_t^0 w dτ,   γ(t) = γ_0 + g(t),   c(0) = g(0) = 0.
 
-Everything is told in whitened coordinates z, in which the prior is N(0, I) whatever the hyperparameters.
+Everything is in whitened coordinates z, in which the prior is N(0, I) whatever the hyperparameters.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ class MotionShape:
         p = self.prior
         speed = np.maximum(np.linalg.norm(velocity, axis=1), 1e-3 * p.speed.median)
         white[:, 0] = np.log(ranges / p.range.median) / p.range.log_std
-        # a start far out in the tail of the prior helps nobody
+        # a start far out in the tail of the prior does not help
         white[:, self.speed_at] = np.clip(np.log(speed / p.speed.median) / p.speed.log_std, -2.0, 2.0)
         if self.dimension == 3:
             climb = np.arctan2(velocity[:, 2], np.linalg.norm(velocity[:, :2], axis=1))
@@ -169,7 +169,7 @@ class MotionShape:
         return Motions(motions.theta, direction, heading, white)
 
     def advanced(self, motions: Motions, step: float, own: Array) -> Motions:
-        """The same motions told from a later now: a start for the next estimate.
+        """The same motions seen from a later now: a start for the next estimate.
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ class MotionShape:
         return Motions(motions.theta, place / ranges[:, None], heading, white)
 
     def transferred(self, motion: Motions, theta: Indices) -> Motions:
-        """One motion told under each of the points ``(B,)`` of the grid."""
+        """One motion under each of the points ``(B,)`` of the grid."""
         same = motion[np.zeros(len(theta), dtype=np.intp)]
         white = same.white.copy()
         slow = self._knots[::SLOWER]
