@@ -131,6 +131,7 @@ def comparable(folder):
     return found
 
 
+@pytest.mark.slow  # in seconds: test_task_folder.py, without a solver
 def test_an_interrupted_comparison_goes_on_where_it_stopped(few, tmp_path, monkeypatch):
     def asked(name, **more):
         return gbt.compare(

@@ -51,7 +51,7 @@ def test_random_thrust_depends_on_time_and_not_on_how_often_it_is_asked():
 def test_the_planner_gets_forecast_and_desired_bearings_of_its_endpoints():
     asked = []
     planner = SimpleNamespace(
-        problem=SimpleNamespace(period=0.2, pieces=3),
+        problem=SimpleNamespace(period=0.2, pieces=3, joined=2),
         solve=lambda state, forecast, desired, present: asked.append((state, forecast, desired)),
     )
     mean = np.arange(24.0).reshape(12, 2)

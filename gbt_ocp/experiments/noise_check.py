@@ -15,7 +15,6 @@ from gbt_ocp.simulation.replayed_track import BearingLog, ReplayedTrack
 from gbt_ocp.tracking.disagreement import disagreement, standardised_innovations, standardised_kinks
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.protocol import Forecast
-from gbt_ocp.typing import Array
 
 UNSTATED = math.radians(1.0)
 """Deviation in radians that counts as noise for a tracker that has no noise of its own."""
@@ -24,25 +23,8 @@ LEAST = math.radians(0.3)
 """Least deviation in radians that counts as noise: lines of sight bend by so much between bearings."""
 
 
-def _disagreement(
-    section: TrackerSection, sensor: BearingSensor, times: Array, own: Array, bearings: Array, before: Forecast
-) -> tuple[float | None, BearingNoise]:
-    """How far bearings ``(K, d)`` are off, if far, and the noise they were compared with.
-
-    A tracker without a noise of its own says nothing of how far its forecast may be off, so that only the bearings are
-    compared with each other.
-    """
-    configured = configured_noise(section, sensor)
-    seen = np.isfinite(bearings).all(axis=1)
-    if configured is None:
-        noise = BearingNoise(max(UNSTATED, sensor.noise))
-        return disagreement([standardised_kinks(times[seen], bearings[seen], noise)]), noise
-    noise = replace(configured, std=max(configured.std, LEAST))
-    measures = [
-        standardised_innovations(before, own, bearings, noise),
-        standardised_kinks(times[seen], bearings[seen], noise),
-    ]
-    return disagreement(measures), noise
+def _at_least(noise: BearingNoise) -> BearingNoise:
+    return replace(noise, std=max(noise.std, LEAST))
 
 
 def _line(name: str, ratio: float | None, noise: BearingNoise) -> list[str]:
@@ -60,9 +42,18 @@ def _line(name: str, ratio: float | None, noise: BearingNoise) -> list[str]:
 def replay_noise_warnings(
     track: ReplayedTrack, log: BearingLog, section: TrackerSection, sensor: BearingSensor
 ) -> list[str]:
-    """A line if the bearings of a log disagree with the noise that its tracker was given; else nothing."""
-    found = _disagreement(section, sensor, log.times, log.own, log.bearings, track.before)
-    return _line(track.name, *found)
+    """A line if the bearings of a log disagree with the noise that its tracker was given; else nothing.
+
+    A tracker without a noise of its own says nothing of how far its forecast may be off, so that only the bearings are
+    compared with each other.
+    """
+    configured = configured_noise(section, sensor)
+    noise = BearingNoise(max(UNSTATED, sensor.noise)) if configured is None else _at_least(configured)
+    seen = np.isfinite(log.bearings).all(axis=1)
+    measures = [standardised_kinks(log.times[seen], log.bearings[seen], noise)]
+    if configured is not None:
+        measures.append(standardised_innovations(track.before, log.own, log.bearings, noise))
+    return _line(track.name, disagreement(measures), noise)
 
 
 def run_noise_warnings(
@@ -70,8 +61,14 @@ def run_noise_warnings(
 ) -> list[str]:
     """A line if the bearings of a run disagree with the noise that its tracker was given; else nothing.
 
-    What was expected of a bearing is the forecast of the step before, a period ahead.
+    What was expected of a bearing is the forecast of the step before, a period ahead. A tracker without a noise of its
+    own has none that could differ from the sensor's. The bearings are not compared with each other: they are of one
+    target, which a vehicle may pass so near that its direction jumps.
     """
+    configured = configured_noise(section, sensor)
+    if configured is None:
+        return []
+    noise = _at_least(configured)
     own = history.vehicle_pose[:, : history.dimension]
     place = sensor.period / forecast_period
     index, share = int(place), place - int(place)
@@ -81,4 +78,5 @@ def run_noise_warnings(
     if index + 1 < history.forecast_mean.shape[1]:
         for one, ahead in zip(before, (history.forecast_mean, history.forecast_cov), strict=True):
             one[1:] = (1.0 - share) * ahead[:-1, index] + share * ahead[:-1, index + 1]
-    return _line(section.kind, *_disagreement(section, sensor, history.t, own, history.bearing, before))
+    measures = [standardised_innovations(before, own, history.bearing, noise)]
+    return _line(section.kind, disagreement(measures), noise)

@@ -21,7 +21,7 @@ from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
 
-MANY_TIMES = 4.0
+MANY_TIMES = 6.0
 """Upper quartile above which bearings disagree with the noise: it is 1.15 for normal errors, at most 1.8 in the shipped
 runs and 1.4 in logs of a single boat at sea."""
 
