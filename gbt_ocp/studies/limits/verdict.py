@@ -224,14 +224,14 @@ def _at_a_distance(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
             ]
             beside = f"; beside it, with intervals of the error that overlap: {', '.join(equal)}" if equal else ""
             lines.append(
-                f"{case}: fewest targets lost, then fewest samples nearer than the standoff, then the fewest steps "
-                f"that were left to braking, then the least error: {best.name}{beside} (table at_a_distance)."
+                f"{case}: fewest targets lost, then fewest samples nearer than the standoff, then the least error: "
+                f"{best.name}{beside} (table at_a_distance)."
             )
     return lines
 
 
-def _harm(row: Row) -> tuple[int, int, int]:
-    return row["lost"], row["steps_below_standoff"], row["fallbacks_braking"]
+def _harm(row: Row) -> tuple[int, int]:
+    return row["lost"], row["steps_below_standoff"]
 
 
 def _of_distant(case: str, pair: Pair, row: Row) -> str:
