@@ -176,7 +176,7 @@ def _hyperparameters(history: History) -> Figure:
     lower.set_ylabel("amplitude [m]")
     for axes, values in ((upper, history.length_scale), (lower, history.amplitude)):
         _log_limits(axes, _positive(values))
-        style.plain_log_ticks(axes)
+        style.plain_log_ticks(axes.yaxis)
     style.time_axis(lower, history.t[-1])
     return figure
 
@@ -254,7 +254,7 @@ def _times(history: History, period: float) -> Figure:
     axes.axhline(1e3 * period, color=style.BLACK, linestyle="-", linewidth=1.0, label="sampling period")
     axes.set_yscale("log")
     _log_limits(axes, *(_positive(values) for values in series))
-    style.plain_log_ticks(axes)
+    style.plain_log_ticks(axes.yaxis)
     axes.set_ylabel("time per step [ms]")
     style.time_axis(axes, history.t[-1])
     style.legend_above(figure, axes, columns=4)

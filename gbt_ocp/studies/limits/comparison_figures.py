@@ -134,7 +134,7 @@ def _violation(tables: Tables) -> Figure | None:
     return _distributions(
         tables["solves"],
         lambda rows: _values(rows, "violation_between"),
-        "worst |τ|/τ_max - 1 on the fine grid",
+        "worst violation on the fine grid [its unit]",
         "linear",
     )
 
@@ -189,6 +189,13 @@ def _success(tables: Tables) -> Figure | None:
     return figure
 
 
+def _plain_where_narrow(axes: Axes, values: Array) -> None:
+    """Plain numbers on the logarithmic axis of errors that span no two decades."""
+    known = values[np.isfinite(values) & (values > 0.0)]
+    if known.size and known.max() < 50.0 * known.min():
+        style.plain_log_ticks(axes.xaxis)
+
+
 def _closed_loop(tables: Tables) -> Figure | None:
     rows = tables["runs"]
     if not rows:
@@ -208,6 +215,7 @@ def _closed_loop(tables: Tables) -> Figure | None:
             if error.size:
                 axes.plot(np.mean(error), place, color=COLOURS[formulation], marker="|", markersize=9.0)
         axes.set_xscale("log")
+        _plain_where_narrow(axes, _values(rows, "error_settled"))
         axes.set_yticks(range(len(pairs)), [f"{name}, {solver}" for name, solver in pairs])
         axes.set_ylim(len(pairs) - 0.5, -0.5)
     for axes in panels[-2:]:
