@@ -405,9 +405,18 @@ def test_an_expression_without_c_form_is_refused():
         c_source([ca.Function("inverse", [x], [ca.vec(ca.inv(x))])])
 
 
+TABLE = ca.interpolant("table", "bspline", [np.linspace(-9.0, 9.0, 19)], np.linspace(-9.0, 9.0, 19) ** 2)
+PLANE = ca.interpolant("plane", "linear", [[-9.0, 9.0], [-9.0, 9.0]], [0.0, 1.0, 2.0, 3.0])
+
+
 @pytest.mark.parametrize(
     ("named", "function"),
-    [("erfinv", lambda x: ca.erfinv(x / 100.0)), ("CASADI_PRINTF", lambda x: ca.SX.printme(x, x))],
+    [
+        ("erfinv", lambda x: ca.erfinv(x / 100.0)),
+        ("CASADI_PRINTF", lambda x: ca.SX.printme(x, x)),
+        ("table", TABLE),
+        ("plane", lambda x: PLANE(ca.vertcat(x, x))),
+    ],
 )
 def test_what_libm_does_not_have_is_refused_and_auto_falls_back(named, function):
     term = Term(lambda point, goal: -(function(point.z[0] - goal[0]) ** 2))

@@ -65,9 +65,10 @@ def placed(
     Raises
     ------
     NotGenerableError
-        If the expression calls functions of its own.
+        If the expression calls functions, such as an interpolant.
     """
     function = ca.Function("expression", [position, parameters, others], [ca.densify(value)])
+    _refuse_calls(function)
     inputs = [*ca.vertsplit(position), *ca.vertsplit(parameters), *ca.vertsplit(others)]
     first = [0, position.numel(), position.numel() + parameters.numel()]
     numbers = _Numbers(position, parameters, origin)
@@ -95,6 +96,15 @@ def placed(
     kept = [pair for pair in numbers.made.values() if pair[0].name() in used]
     columns = [ca.vertcat(ca.SX(0, 1), *(pair[part] for pair in kept)) for part in (0, 1)]
     return Placed(rewritten, columns[0], columns[1], shift)
+
+
+def _refuse_calls(function: ca.Function) -> None:
+    """Raise if an expression calls functions: ``ca.SX.unary`` and ``ca.SX.binary`` make a zero of a call."""
+    if any(function.instruction_id(k) == ca.OP_CALL for k in range(function.n_instructions())):
+        called = ", ".join(sorted(one.name() for one in function.find_functions(0)))
+        raise NotGenerableError(
+            f"an expression cannot be generated as C: found {called}; allowed: what C99 and its libm have"
+        )
 
 
 @dataclass(frozen=True)
@@ -141,8 +151,6 @@ class _Numbers:
 
     def operation(self, operation: int, arguments: Sequence[_Sum]) -> _Sum:
         """A sum of sums where the operation is linear, else a rest."""
-        if not 1 <= len(arguments) <= 2:
-            raise NotGenerableError("cannot be generated as C: an expression calls functions of its own")
         first, second = arguments[0], arguments[-1]
         match operation:
             case ca.OP_ADD:
