@@ -13,10 +13,10 @@ from gbt_ocp.ocp import Planner
 from gbt_ocp.ocp.codegen.library import find_compiler
 from gbt_ocp.ocp.limit_classes import LimitClass
 from gbt_ocp.ocp.solvers.base import GIVEN_UP
-from gbt_ocp.studies.limits.formulations import limits_in
+from gbt_ocp.studies.limits.formulations import COMPILED, limits_in
 from gbt_ocp.studies.limits.problems import draw
 from gbt_ocp.studies.limits.solves import Judge, solve_chunk
-from gbt_ocp.studies.limits.treatments import COMPILED, Pair, treated, unfit
+from gbt_ocp.studies.limits.treatments import Pair, treated, unfit
 from gbt_ocp.studies.limits.unyielding import NOT_KEPT
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")

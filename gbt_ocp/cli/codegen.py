@@ -39,11 +39,9 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     from gbt_ocp.ocp.export.names import checked_prefix
     from gbt_ocp.ocp.export.vectors import OFFERED
     from gbt_ocp.ocp.export.verification import verify_folder
-    from gbt_ocp.ocp.solvers.base import options_for
+    from gbt_ocp.ocp.solvers.base import options_beside
 
     section, solver = configuration.planner, arguments.solver
-    # Options under no solver's name are those of the solver that the configuration names.
-    named = "compiled" if section.solver == "auto" else section.solver
     if arguments.verify and solver != "compiled":
         raise ConfigurationError(["--verify: found --solver ipopt; allowed: --solver compiled"])
     try:
@@ -52,7 +50,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
         raise ConfigurationError([f"--{fault}"]) from fault
     try:
         problem = build_problem(configuration, build_vehicle(configuration))
-        options = options_for(solver, section.solver_options, common=named == solver)
+        options = options_beside(section.solver, solver, section.solver_options)
         if solver == "compiled":
             planner = Planner(problem, solver, options)
             # of the closed loop; made up only where nothing is planned there, which the moments of a forecast allow

@@ -126,7 +126,7 @@ def run(
         period=period,
         seed=configuration.seed,
         wall_s=perf_counter() - began,
-        solver_first_try=history.answered & (history.fallback == ""),
+        solver_first_try=history.answered_first,
         retries={
             "tightened": recording.tightened,
             "nugget": recording.nugget_retries,

@@ -250,6 +250,11 @@ class History:
         return np.isin(self.solver_status, ANSWERED)
 
     @property
+    def answered_first(self) -> NDArray[np.bool_]:
+        """Whether the first attempt's plan is the one of the step ``(K,)``."""
+        return np.asarray(self.answered & (self.fallback == ""))
+
+    @property
     def dimension(self) -> int:
         """Space dimension d."""
         return int(self.target.shape[1])

@@ -64,7 +64,7 @@ def _noisy(section: NoisyBearingsSection, prior: PositionPrior, sensor: BearingS
     """The Gaussian process for noisy bearings."""
     return NoisyGaussianProcessTracker(
         len(prior.start),
-        noise=_noise(section, sensor.noise if section.std_deg is None else math.radians(section.std_deg)),
+        noise=_noise(section, sensor),
         window=section.window if section.bin_s is None else section.window_s,
         bin_width=section.bin_s,
         kernel=section.kernel,
@@ -81,10 +81,10 @@ def _noisy(section: NoisyBearingsSection, prior: PositionPrior, sensor: BearingS
     )
 
 
-def _noise(section: NoiseSection, deviation: float) -> BearingNoise:
-    """Noise with a white part of a deviation in radians."""
+def _noise(section: NoiseSection, sensor: BearingSensor) -> BearingNoise:
+    """Noise of a section; the sensor's white part where it has none."""
     return BearingNoise(
-        deviation,
+        sensor.noise if section.std_deg is None else math.radians(section.std_deg),
         math.radians(section.correlated_deg),
         section.correlation_s,
         section.own_std_m,
@@ -95,12 +95,10 @@ def _noise(section: NoiseSection, deviation: float) -> BearingNoise:
 def configured_noise(section: sections.TrackerSection, sensor: BearingSensor) -> BearingNoise | None:
     """The noise of bearings that a tracker is given; ``None`` if it takes them for exact or has no model of it."""
     if isinstance(section, sections.ShapeSection):
-        return _noise(section.noise, math.radians(section.noise.std_deg))
+        return _noise(section.noise, sensor)
     if isinstance(section, sections.GaussianProcessSection):
         noisy = noise_of(section, sensor)
-        if noisy is None:
-            return None
-        return _noise(noisy, sensor.noise if noisy.std_deg is None else math.radians(noisy.std_deg))
+        return None if noisy is None else _noise(noisy, sensor)
     deviation = getattr(section, "bearing_std_deg", None)
     return None if deviation is None else BearingNoise(math.radians(deviation))
 
@@ -136,7 +134,7 @@ def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: Bearing
     )
     return MotionShapeTracker(
         len(prior.start),
-        noise=_noise(section.noise, math.radians(section.noise.std_deg)),
+        noise=_noise(section.noise, sensor),
         prior=shape,
         bin_width=section.bin_s,
         window=section.window_s,
@@ -151,7 +149,7 @@ def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: Bearing
 
 def mixture(section: sections.MixtureSection, prior: PositionPrior, sensor: BearingSensor) -> MixtureTracker:
     """Kind ``mixture``: both Gaussian processes, with the same sensor, speed and range."""
-    shape, noise = motion(section, prior, sensor), _noise(section.noise, math.radians(section.noise.std_deg))
+    shape, noise = motion(section, prior, sensor), _noise(section.noise, sensor)
     dimension = len(prior.start)
     velocity = NoisyGaussianProcessTracker(
         dimension,

@@ -96,13 +96,12 @@ static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT])
 
 void gbt_brake(const gbt_real *start, gbt_real *top)
 {
-    gbt_real piece[GBT_ORDERS][GBT_FLAT], next[GBT_ORDERS][GBT_FLAT];
+    gbt_real piece[GBT_ORDERS][GBT_FLAT];
     for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = start[a];
     for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = 0;
     for (int i = 0; i < GBT_PIECES; i++) {
         brake_piece(piece);
         for (int a = 0; a < GBT_FREE; a++) top[i * GBT_FREE + a] = *gbt_free(piece, a);
-        gbt_next_piece(piece, next);
-        for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = next[a / GBT_FLAT][a % GBT_FLAT];
+        gbt_next_piece(piece, piece);
     }
 }

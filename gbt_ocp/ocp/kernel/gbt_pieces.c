@@ -84,15 +84,14 @@ void gbt_settle(gbt_real piece[GBT_ORDERS][GBT_FLAT], int first, const gbt_real 
 
 void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top)
 {
-    gbt_real piece[GBT_ORDERS][GBT_FLAT], next[GBT_ORDERS][GBT_FLAT], aim[GBT_FLAT];
+    gbt_real piece[GBT_ORDERS][GBT_FLAT], aim[GBT_FLAT];
     for (int j = 0; j < GBT_FLAT; j++) aim[j] = aside / gbt_sqrt((gbt_real)(j + 1)) * gbt_acceleration_scale[j];
     for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = start[a];
     for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = 0;
     for (int i = 0; i < GBT_PIECES; i++) {
         gbt_settle(piece, 2, aim);
         for (int a = 0; a < GBT_FREE; a++) top[i * GBT_FREE + a] = *gbt_free(piece, a);
-        gbt_next_piece(piece, next);
-        for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = next[a / GBT_FLAT][a % GBT_FLAT];
+        gbt_next_piece(piece, piece);
     }
 }
 

@@ -22,7 +22,7 @@ void gbt_point_after(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real s, gbt_real 
 /* The numbers that constraints need at a share of a piece, from those at its two ends: the last of a place. */
 void gbt_moving_at(const gbt_real *ends, gbt_real share, gbt_real *place);
 
-/* The continuous derivatives at the end of a piece. */
+/* The continuous derivatives at the end of a piece; next may be the piece itself. */
 void gbt_next_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDERS][GBT_FLAT]);
 
 /* Fills the inherited derivatives of all pieces but the first from what is free. */

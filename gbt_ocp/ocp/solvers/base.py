@@ -169,3 +169,11 @@ def options_for(solver: str, options: Mapping[str, Any], *, common: bool = True)
             raise ValueError(f"solver_options.{name}: found {options[name]!r}; allowed: a mapping of option names")
     free = {name: value for name, value in options.items() if common and name not in SOLVERS}
     return {**options.get(solver, {}), **free}
+
+
+def options_beside(named: str, solver: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """:func:`options_for` a solver where options stand beside the name of one, as in a configuration.
+
+    Options under no solver's name are for the solver that is named; ``auto`` stands for ``compiled``.
+    """
+    return options_for(solver, options, common=solver == ("compiled" if named == "auto" else named))

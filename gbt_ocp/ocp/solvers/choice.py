@@ -9,7 +9,7 @@ from typing import Any
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError
 from gbt_ocp.ocp.codegen.library import CompilerError
 from gbt_ocp.ocp.problem_data import ProblemData
-from gbt_ocp.ocp.solvers.base import SOLVERS, Solver, options_for
+from gbt_ocp.ocp.solvers.base import SOLVERS, Solver, options_beside, options_for
 from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
 
@@ -38,5 +38,5 @@ def make_solver(problem: ProblemData, name: str, options: Mapping[str, Any]) -> 
             return CompiledSolver(problem, options_for("compiled", options))
         except (CompilerError, NotGenerableError) as reason:
             warnings.warn(f"solver: auto takes ipopt, which is far slower: {reason}", RuntimeWarning, stacklevel=4)
-            return IpoptSolver(problem, options_for("ipopt", options, common=False))
+            return IpoptSolver(problem, options_beside(name, "ipopt", options))
     raise ValueError(f"solver: found {name!r}; allowed: auto, {', '.join(SOLVERS)}")

@@ -47,7 +47,7 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
         seed=configuration.seed,
         settling=settling,
         wall_s=perf_counter() - began,
-        solver_first_try=history.answered & (history.fallback == ""),
+        solver_first_try=history.answered_first,
         retries={"tightened": recording.tightened, "nugget": recording.nugget_retries, "clipped": recording.clipped},
         versions=installed_versions(),
         forecast_period=configuration.forecast_period,
@@ -67,7 +67,7 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
         distant = {key: summary.get(key) for key in ("relative_error", "relative_error_10s", "steps_below_standoff")}
         distant["lost"] = int(summary.get("lost", False))
         distant["plans"] = int(np.sum(history.planned))
-        distant["answered_first"] = int(np.sum(history.planned & history.answered & (history.fallback == "")))
+        distant["answered_first"] = int(np.sum(history.planned & history.answered_first))
         distant["given_up"] = int(np.sum(history.planned & (history.solver_status == GIVEN_UP)))
         distant["solver_time_99_ms"] = float(np.percentile(times, 99)) if times.size else None
     return {

@@ -13,8 +13,8 @@ from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError
 from gbt_ocp.ocp.codegen.library import CompilerError
 from gbt_ocp.ocp.limit_classes import LimitClass
-from gbt_ocp.ocp.solvers.base import options_for
-from gbt_ocp.studies.limits.formulations import COMPARED_SOLVERS, COMPILED, FORMULATIONS, limits_in
+from gbt_ocp.ocp.solvers.base import options_beside
+from gbt_ocp.studies.limits.formulations import COMPARED_SOLVERS, FORMULATIONS, limits_in
 
 
 @dataclass(frozen=True)
@@ -104,9 +104,7 @@ def make_planner(configuration: Configuration, pair: Pair, **changes: Any) -> An
         If the pair cannot be made for this configuration.
     """
     treatment, section = treated(configuration, pair.formulation, **changes), configuration.planner
-    # options under no solver's name are those of the solver that the configuration names
-    named = COMPILED if section.solver == "auto" else section.solver
-    options = options_for(pair.solver, section.solver_options, common=named == pair.solver)
+    options = options_beside(section.solver, pair.solver, section.solver_options)
     options.pop("penalty", None)  # a formulation says this itself
     try:
         problem = build_problem(treatment, build_vehicle(treatment))
