@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from gbt_ocp.experiments.result import Result
     from gbt_ocp.experiments.run import run
     from gbt_ocp.experiments.sweep.carry_out import Sweep, sweep
+    from gbt_ocp.models.measurements import Measurement
     from gbt_ocp.simulation.history import History
     from gbt_ocp.studies.limits.compare import Comparison, compare
     from gbt_ocp.studies.paper.reproduce import reproduce
@@ -35,6 +36,7 @@ _HOMES = {
     "Configuration": "experiments.config.schema",
     "ConfigurationError": "experiments.config.faults",
     "History": "simulation.history",
+    "Measurement": "models.measurements",
     "Result": "experiments.result",
     "Sweep": "experiments.sweep.carry_out",
     "TrackerKind": "experiments.build.tracker_kinds",
@@ -54,6 +56,7 @@ __all__ = [
     "Configuration",
     "ConfigurationError",
     "History",
+    "Measurement",
     "Result",
     "Sweep",
     "TrackerKind",

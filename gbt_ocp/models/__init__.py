@@ -10,6 +10,7 @@ from gbt_ocp.models.bearings import (
     unit_bearing,
 )
 from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenParameters, FossenVehicle
+from gbt_ocp.models.measurements import Measurement, Mounting, Sighting
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import MotionTarget, Target, TrackTarget, case_target
 from gbt_ocp.models.turning import TurningTarget
@@ -22,8 +23,11 @@ __all__ = [
     "DesiredBearing",
     "FossenParameters",
     "FossenVehicle",
+    "Measurement",
     "MotionTarget",
+    "Mounting",
     "PlanarPointMass",
+    "Sighting",
     "Target",
     "TrackTarget",
     "TurningTarget",
