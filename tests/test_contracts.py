@@ -189,6 +189,7 @@ WRONG = (
         (variant(Moving, at_knot=lambda self, m, c, present: [m]), ["Moving.at_knot: found ["]),
         (Box, ["Box: found the class"]),
         (SpeedLimit(3, 1.0), ["SpeedLimit.dimension: found 3; allowed: 2"]),
+        (KeepOut((1.0, 2.0, 3.0), 1.0), ["KeepOut.value: ", "centre: found 3 numbers; allowed: 2 for a vehicle"]),
     ],
 )  # fmt: skip
 def test_a_limit_that_lacks_something_is_named(limit, words, verb):

@@ -110,7 +110,15 @@ class KeepOut:
         positive("radius", self.radius)
 
     def value(self, point: FlatPoint) -> Any:
-        """Squared distance over squared radius: smooth everywhere, unlike the distance."""
+        """Squared distance over squared radius: smooth everywhere, unlike the distance.
+
+        Raises
+        ------
+        ValueError
+            If the centre has three numbers and the vehicle moves in the plane.
+        """
+        if len(self.centre) > point.z.numel():
+            raise ValueError(f"centre: found {len(self.centre)} numbers; allowed: 2 for a vehicle in the plane")
         return ca.sumsqr(point.z[: len(self.centre)] - ca.DM(self.centre)) / self.radius**2
 
 
