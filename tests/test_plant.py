@@ -11,8 +11,9 @@ from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenParameters, Fossen
 from gbt_ocp.models.vehicles import PlanarPointMass
 from gbt_ocp.ocp import FlatTrajectory
 from gbt_ocp.ocp.plan import Plan
+from gbt_ocp.simulation.flow import SlowProcess
 from gbt_ocp.simulation.mover import Mover
-from gbt_ocp.simulation.plant import CORRELATION_S, Motion, Plant, SlowForce, scaled
+from gbt_ocp.simulation.plant import CORRELATION_S, Motion, Plant, scaled
 
 PERIOD = 0.1
 STEPS = 10
@@ -160,7 +161,7 @@ def test_the_factors_make_the_vehicle_that_they_say():
 
 
 def test_the_slow_force_is_stationary_and_correlated_as_it_says():
-    force = SlowForce(3.0, 2, np.random.default_rng(5))
+    force = SlowProcess(3.0, 2, np.random.default_rng(5), CORRELATION_S)
     drawn = np.array([force(float(k)) for k in range(40_000)])
     # 40,000 s are 1,000 independent pieces of 2 time constants
     np.testing.assert_allclose(drawn.std(axis=0), 3.0, rtol=0.1)
@@ -168,7 +169,7 @@ def test_the_slow_force_is_stationary_and_correlated_as_it_says():
     lagged = np.mean(drawn[:-20] * drawn[20:], axis=0) / np.mean(drawn**2, axis=0)
     np.testing.assert_allclose(lagged, np.exp(-20.0 / CORRELATION_S), atol=0.1)
     np.testing.assert_allclose(force(3.25), 0.75 * drawn[3] + 0.25 * drawn[4])
-    again = SlowForce(3.0, 2, np.random.default_rng(5))
+    again = SlowProcess(3.0, 2, np.random.default_rng(5), CORRELATION_S)
     np.testing.assert_array_equal(again(17.5), force(17.5))  # however often it was asked before
 
 

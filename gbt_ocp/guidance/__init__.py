@@ -1,6 +1,7 @@
 """What the vehicle wants of its bearings, and how it moves for it."""
 
 from gbt_ocp.guidance.circumnavigation import Circumnavigation
+from gbt_ocp.guidance.current import Current, CurrentObserver, KnownCurrent
 from gbt_ocp.guidance.fim_placement import FimPlacement
 from gbt_ocp.guidance.helical import HelicalGuidance
 from gbt_ocp.guidance.information import FisherInformation, NearInformation, PosteriorVariance
@@ -12,6 +13,7 @@ from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.startup import CrossFirst
 from gbt_ocp.guidance.strategy import BearingGuidance, Guidance, Placement
 from gbt_ocp.guidance.target_limits import FieldOfView, RangeLimits
+from gbt_ocp.guidance.water import InWater, OverGround
 
 __all__ = [
     "BearingGuidance",
@@ -19,12 +21,17 @@ __all__ = [
     "Circumnavigation",
     "ConstantForce",
     "CrossFirst",
+    "Current",
+    "CurrentObserver",
     "FieldOfView",
     "FimPlacement",
     "FisherInformation",
     "Guidance",
     "HelicalGuidance",
+    "InWater",
+    "KnownCurrent",
     "NearInformation",
+    "OverGround",
     "PacedBearing",
     "PastBearings",
     "Placement",

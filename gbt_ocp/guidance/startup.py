@@ -175,9 +175,8 @@ class CrossFirst:
 
 def planned_of(guidance: Guidance) -> PlannedMotion | None:
     """The part of an observer strategy that plans, sooner or later."""
-    if isinstance(guidance, CrossFirst):
-        return guidance.planned
-    return guidance if isinstance(guidance, PlannedMotion) else None
+    planned = getattr(guidance, "planned", guidance)  # of a strategy that does something else first, or around it
+    return planned if isinstance(planned, PlannedMotion) else None
 
 
 def planner_of(guidance: Guidance) -> Planner | ShootingPlanner | None:

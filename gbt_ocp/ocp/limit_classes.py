@@ -38,7 +38,11 @@ def limit_class(problem: ProblemData, constraint: Constraint) -> LimitClass:
     if is_believed(constraint):
         return LimitClass.BELIEVED
     point = FlatPoint(*(ca.SX.sym(name, problem.vehicle.flat_dimension) for name in ("z", "dz", "ddz")))
-    value = constraint.value(point, {}) if isinstance(constraint, MovingConstraint) else constraint.value(point)
+    if isinstance(constraint, MovingConstraint):
+        numbers = {name: ca.SX.sym(name, *shape) for name, shape in constraint.shapes.items()}
+        value = constraint.value(point, numbers)
+    else:
+        value = constraint.value(point)
     moved = ca.depends_on(ca.SX(ca.vertcat(value)), point.ddz)
     return LimitClass.THRUST if moved else LimitClass.CERTAIN
 

@@ -95,6 +95,7 @@ class KeepOut:
     """
 
     name: ClassVar[str] = "keep_out"
+    over_ground: ClassVar[bool] = True
 
     centre: tuple[float, ...]
     radius: float
@@ -117,7 +118,7 @@ class KeepOut:
         ValueError
             If the centre has three numbers and the vehicle moves in the plane.
         """
-        if len(self.centre) > point.z.numel():
+        if len(self.centre) > point.z.shape[0]:
             raise ValueError(f"centre: found {len(self.centre)} numbers; allowed: 2 for a vehicle in the plane")
         return ca.sumsqr(point.z[: len(self.centre)] - ca.DM(self.centre)) / self.radius**2
 
@@ -143,6 +144,7 @@ class KeepOutPolygon:
     """
 
     name: ClassVar[str] = "keep_out"
+    over_ground: ClassVar[bool] = True
 
     corners: tuple[tuple[float, float], ...]
     softness: float = 0.1

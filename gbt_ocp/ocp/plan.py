@@ -49,6 +49,8 @@ class Plan:
         Never thrust, and no penalty on what is only believed, which is not judged.
     broken_at_start
         Limits that are broken where the plan begins and no plan can change it, by name, likewise.
+    current
+        Velocity of the water over ground for which the plan was made ``(d,)`` in m/s; ``None`` for still water.
     """
 
     trajectory: FlatTrajectory
@@ -63,6 +65,12 @@ class Plan:
     elapsed: float = 0.0
     given_up: Mapping[str, float] = field(default_factory=dict)
     broken_at_start: Mapping[str, float] = field(default_factory=dict)
+    current: Array | None = None
+
+    @property
+    def through_water(self) -> FlatTrajectory:
+        """The trajectory in the frame that moves with the water, from which the thrust follows."""
+        return self.trajectory if self.current is None else self.trajectory.moving(-self.current)
 
     @property
     def solved(self) -> bool:

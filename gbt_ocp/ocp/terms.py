@@ -187,5 +187,9 @@ Constraint = PathConstraint | MovingConstraint
 
 
 def is_believed(constraint: Constraint) -> bool:
-    """Whether numbers that change from solve to solve enter a constraint, such as those of a forecast."""
-    return isinstance(constraint, MovingConstraint) and bool(constraint.shapes)
+    """Whether numbers that change from solve to solve enter a constraint, such as those of a forecast.
+
+    A constraint whose numbers are certain says ``believed = False``.
+    """
+    moving = isinstance(constraint, MovingConstraint) and bool(constraint.shapes)
+    return moving and bool(getattr(constraint, "believed", True))

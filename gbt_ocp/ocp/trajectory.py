@@ -206,6 +206,12 @@ class FlatTrajectory:
         joined = len(self.start)
         return FlatTrajectory(duration, np.array(derivatives[:joined]), np.concatenate(derivatives[joined:])[None])
 
+    def moving(self, velocity: ArrayLike) -> FlatTrajectory:
+        """The same motion as a frame sees it that moves with ``-velocity`` ``(d,)`` in m/s: z gains ``velocity t``."""
+        start = self.start.copy()
+        start[1, : np.size(velocity)] += np.asarray(velocity, dtype=float)
+        return FlatTrajectory(self.period, start, self.top)
+
     def shifted(self) -> FlatTrajectory:
         """The rest of the trajectory after its first piece, the last piece coasting: what is free there is zero."""
         return FlatTrajectory(self.period, self.knots[1], np.vstack([self.top[1:], np.zeros_like(self.top[:1])]))

@@ -4,71 +4,17 @@ from __future__ import annotations
 
 import os
 import zipfile
-from collections.abc import Callable
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from gbt_ocp.files import read_arrays
-from gbt_ocp.models.bearings import condition_number, cumulative_bearing_matrix
-from gbt_ocp.ocp.plan import ANSWERED, Plan, ShootingPlan
+from gbt_ocp.ocp.plan import ANSWERED
+from gbt_ocp.simulation import readings
 from gbt_ocp.simulation.columns import SAME_LENGTH, UNKNOWN, column, columns, recorded
-from gbt_ocp.simulation.step import Step
-from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, GaussianProcess, relative_range_std
+from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, relative_range_std
 from gbt_ocp.typing import Array
-
-
-def _planned(read: Callable[[Plan | ShootingPlan], Any], otherwise: Any = np.nan) -> Callable[[Step], Any]:
-    """Read something of the plan; ``otherwise`` where nothing was planned."""
-    return lambda step: otherwise if step.plan is None else read(step.plan)
-
-
-def _tuned(read: Callable[[GaussianProcess], float]) -> Callable[[Step], Any]:
-    """Read something of a tracker that has hyperparameters; NaN from any other."""
-    return lambda step: np.nan if step.process is None else read(step.process)
-
-
-def _prior_covariance(step: Step) -> Array:
-    d = step.target.shape[1]
-    return np.full((d, d), np.nan) if step.process is None else step.process.prior_covariance
-
-
-def _bound(step: Step) -> Array:
-    if step.process is None:
-        return np.full(len(step.times), np.nan)
-    return step.process.bound(step.times, step.bound_delta)
-
-
-def _bearing(step: Step) -> Array:
-    return np.full(step.target.shape[1], np.nan) if step.bearing is None else step.bearing
-
-
-def _condition(step: Step) -> float:
-    return condition_number(cumulative_bearing_matrix(step.window)) if step.window else np.inf
-
-
-def _planned_poses(step: Step) -> ArrayLike:
-    """The ends of the pieces as poses: the flat output of a vehicle need not be one."""
-    if step.plan is None:
-        return np.zeros((0, step.vehicle.position_dimension + 1))
-    return [step.vehicle.pose(step.vehicle.state(end[0], end[1])) for end in step.plan.knots[1:]]
-
-
-def _all(values: Array) -> Array:
-    return values
-
-
-def _now(ahead: Array) -> Array:
-    return np.asarray(ahead[:, 0])
-
-
-def _mean_ahead(ahead: Array) -> Array:
-    return np.asarray(ahead.mean(axis=1))
-
-
-def _std_now(covariance: Array) -> Array:
-    return np.asarray(np.sqrt(np.maximum(np.diagonal(covariance[:, 0], axis1=1, axis2=2), 0.0)))
 
 
 @recorded
@@ -90,14 +36,14 @@ class History:
         "t pose",
         lambda step: step.vehicle.pose(step.state),
         "m; yaw rad",
-        table={"vehicle": _all},
+        table={"vehicle": readings.same},
         meaning="Position P_A and yaw ψ, earth frame",
     )
     vehicle_velocity: Array = column(
         "t body",
         lambda step: step.vehicle.velocity(step.state),
         "m/s; yaw rate rad/s",
-        table={"velocity": _all},
+        table={"velocity": readings.same},
         meaning="Body-frame ν: surge, sway, (heave,) yaw rate",
     )
     thrust: Array = column(
@@ -107,7 +53,7 @@ class History:
         meaning="Body-frame τ at t_k, the start of the executed piece",
     )
     target: Array = column("t axis", lambda step: step.target[0], "m", meaning="True position P_T")
-    bearing: Array = column("t axis", _bearing, meaning="Measured bearing λ, NaN where it was missed")
+    bearing: Array = column("t axis", readings.bearing, meaning="Measured bearing λ, NaN where it was missed")
     detected: NDArray[np.bool_] = column(
         "t",
         lambda step: step.bearing is not None,
@@ -118,84 +64,86 @@ class History:
         "t ahead axis",
         lambda step: step.forecast.mean,
         "m",
-        table={"estimate": _now},
+        table={"estimate": readings.now},
         meaning="Posterior mean μ_k at T_k = {t_k, …, t_{k+n}}",
     )
     forecast_cov: Array = column(
         "t ahead axis axis_",
         lambda step: step.forecast.covariance,
         "m2",
-        table={"estimate_std": _std_now},
+        table={"estimate_std": readings.std_now},
         meaning="Posterior covariance Σ_k at T_k",
     )
     error: Array = column(
         "t ahead",
         lambda step: step.error,
         "m",
-        table={"error": _now, "error_mean": _mean_ahead},
+        table={"error": readings.now, "error_mean": readings.mean_ahead},
         meaning="Tracking error ‖μ_k(t) - P_T(t)‖ at T_k",
     )
     length_scale: Array = column(
         "t",
-        _tuned(lambda process: process.hyperparameters.length_scale),
+        readings.tuned(lambda process: process.hyperparameters.length_scale),
         "s",
         meaning="Length scale of the tracker, NaN if it has none",
     )
     amplitude: Array = column(
         "t",
-        _tuned(lambda process: process.hyperparameters.amplitude),
+        readings.tuned(lambda process: process.hyperparameters.amplitude),
         "m",
         meaning="Amplitude of the tracker, NaN if it has none",
     )
     condition_number: Array = column(
         "t",
-        _condition,
+        readings.condition,
         meaning="Condition number of the cumulative bearing matrix of the window, infinite while it is singular",
     )
     bound: Array = column(
         "t ahead",
-        _bound,
+        readings.bound,
         "m",
-        table={"bound_mean": _mean_ahead},
+        table={"bound_mean": readings.mean_ahead},
         meaning="The theorem's bound on the error at T_k, NaN if the tracker has none",
     )
-    objective: Array = column("t", _planned(lambda plan: plan.objective), meaning="Objective of the plan")
+    objective: Array = column("t", readings.planned(lambda plan: plan.objective), meaning="Objective of the plan")
     violation: Array = column(
         "t",
-        _planned(lambda plan: plan.violation),
+        readings.planned(lambda plan: plan.violation),
         "of the limit",
         meaning="Largest |τ|/τ_max - 1 of the plan, at least 0, on its fine grid",
     )
     solver_status: NDArray[np.str_] = column(
         "t",
-        _planned(lambda plan: plan.status, ""),
+        readings.planned(lambda plan: plan.status, ""),
         kind=str,
         meaning="``solved``, another word of the solver, or nothing where nothing was solved",
     )
     solver_iterations: NDArray[np.int64] = column(
         "t",
-        _planned(lambda plan: plan.iterations, 0),
+        readings.planned(lambda plan: plan.iterations, 0),
         kind=int,
         meaning="Iterations of the solver",
     )
     solver_time: Array = column(
         "t",
-        _planned(lambda plan: plan.solve_time),
+        readings.planned(lambda plan: plan.solve_time),
         "s",
         clock=True,
         meaning="Time of the solver, NaN without one",
     )
-    plan: Array = column("t piece pose", _planned_poses, "m; yaw rad", meaning="Ends of the planned pieces; p may be 0")
+    plan: Array = column(
+        "t piece pose", readings.planned_poses, "m; yaw rad", meaning="Ends of the planned pieces; p may be 0"
+    )
     tracker_time: Array = column("t", lambda step: step.tracker_time, "s", clock=True, meaning="Time of the tracker")
     nugget: Array = column(
         "t",
-        _tuned(lambda process: process.hyperparameters.nugget),
+        readings.tuned(lambda process: process.hyperparameters.nugget),
         "of the amplitude squared",
         meaning="Nugget of the tracker, NaN if it has none",
     )
     fallback: NDArray[np.str_] = column(
         "t",
-        _planned(lambda plan: plan.fallback, ""),
+        readings.planned(lambda plan: plan.fallback, ""),
         kind=str,
         meaning="Answer to a failed solve: ``shifted``, ``cold``, ``unfinished``, ``braking``, or nothing",
     )
@@ -204,12 +152,12 @@ class History:
         "t input",
         lambda step: step.move.thrust_peak,
         "of the limit",
-        table={"thrust_peak": _all},
+        table={"thrust_peak": readings.same},
         meaning="Largest |τ|/τ_max on the fine grid of the piece executed from t_k, NaN where none is",
     )
     prior_cov: Array = column(
         "t axis axis_",
-        _prior_covariance,
+        readings.prior_covariance,
         "m2",
         meaning="Prior covariance of the target's coordinates under the hyperparameters, NaN if the tracker has "
         "none; off the diagonal R_xy, R_xz, R_yz of the linear model of coregionalization",
@@ -220,6 +168,28 @@ class History:
         "m",
         optional=True,
         meaning="Distance from the planned position at the end of the period that begins at t_k, NaN without a plan",
+    )
+
+    current: Array = column(
+        "t axis",
+        lambda step: readings.unknown_axes(step) if step.water is None else step.water,
+        "m/s",
+        optional=True,
+        meaning="True velocity of the water over ground at the vehicle, NaN where it stands still",
+    )
+    current_estimate: Array = column(
+        "t axis",
+        lambda step: readings.unknown_axes(step) if step.current is None else step.current.velocity,
+        "m/s",
+        optional=True,
+        meaning="Velocity of the water for which is planned, NaN where none is",
+    )
+    current_cov: Array = column(
+        "t axis axis_",
+        lambda step: np.diag(readings.unknown_axes(step)) * np.nan if step.current is None else step.current.covariance,
+        "m2/s2",
+        optional=True,
+        meaning="Covariance of the estimated velocity of the water, zero where it is given",
     )
 
     def __post_init__(self) -> None:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.strategy import BearingGuidance, Guidance, Placement
+from gbt_ocp.guidance.water import InWater
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target
@@ -171,6 +172,7 @@ def simulate(
     state = vehicle.state(flat[0], flat[1])
     steps = step_count(duration, period)
     recorder = Recorder(history, steps)
+    current = loop.guidance.current if isinstance(loop.guidance, InWater) else None
     seen: deque[Array] = deque(maxlen=loop.window)
     tightened = refused = held = clipped = 0
     begun: list[float] = []
@@ -182,6 +184,7 @@ def simulate(
         truth = loop.target.position(times)
         own = vehicle.pose(state)[: loop.target.dimension]
         bearing = loop.sensor.measure(k, truth[0], own, loop.rng)
+        water = mover.water(state)
         position = _measured_position(loop, truth[0])
 
         began = perf_counter()
@@ -229,12 +232,16 @@ def simulate(
             bound_delta=loop.bound_delta,
             decision=decision,
             move=move,
+            water=water,
+            current=current,
         )
         recorder.add(step)
         if step.plan is not None:
             tightened += step.plan.tightened
         if progress is not None:
             progress(k, float(np.mean(step.error)), np.nan if step.plan is None else step.plan.solve_time)
+        if current is not None and move.thrust_mean is not None:
+            current.observe(flat[:2], move.flat[:2], move.thrust_mean, period)
         flat, state = move.flat, move.state
     retries = loop.gaussian_process.nugget_retries if loop.gaussian_process is not None else 0
     return Recording(recorder.history(), tightened, retries, refused, held, clipped, tuple(begun))

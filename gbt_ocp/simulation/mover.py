@@ -44,6 +44,8 @@ class Move:
         Whether a plan asked for more thrust than there is.
     off_plan
         Distance in m from the planned position at its end; NaN without a plan.
+    thrust_mean
+        Mean over the period of the inputs asked for ``(m,)``; ``None`` where the vehicle is placed.
     """
 
     flat: Array
@@ -52,6 +54,7 @@ class Move:
     thrust_peak: Array
     clipped: bool = False
     off_plan: float = field(default=float("nan"))
+    thrust_mean: Array | None = None
 
 
 class Mover:
@@ -101,23 +104,27 @@ class Mover:
     def follow(self, state: Array, plan: Plan) -> Move:
         """Execute a plan for one period, from what has elapsed of it."""
         piece = plan.trajectory.segment(plan.elapsed, self._period)
+        water = np.zeros(self._vehicle.position_dimension) if plan.current is None else plan.current
+        through = piece.moving(-water)
         limit = self._vehicle.thrust_max
-        thrust = np.asarray(self._thrust(*(values[0].T for values in piece.sample(GRID)))).T
+        thrust = np.asarray(self._thrust(*(values[0].T for values in through.sample(GRID)))).T
         peak = np.max(np.abs(thrust), axis=0) / limit
         clipped = bool(peak.max() > 1.0 + ROUND_OFF)
         if self._follow == "feedback":
-            return self._led_back(state, piece, clipped)
+            return self._led_back(state, piece, water, clipped)
         if self._follow == "exact" and not clipped and self._is_on(state, piece):
             end = piece.knots[1]
-            return Move(end, self._vehicle.state(end[0], end[1]), thrust[0], peak, off_plan=0.0)
+            mean = np.asarray(thrust.mean(axis=0))
+            return Move(end, self._vehicle.state(end[0], end[1]), thrust[0], peak, off_plan=0.0, thrust_mean=mean)
 
         def applied(s: float) -> Array:
-            wanted = np.asarray(self._thrust_at(*_point(piece, s))).ravel()
+            wanted = np.asarray(self._thrust_at(*_point(through, s))).ravel()
             return np.asarray(np.clip(wanted, -limit, limit))
 
         reached = self._motion.advance(state, applied, self._period)
         held = np.clip(thrust[0], -limit, limit)
-        return self._moved(reached, piece, held, np.minimum(peak, 1.0), clipped)
+        mean = np.asarray(np.clip(thrust, -limit, limit).mean(axis=0))
+        return self._moved(reached, piece, held, np.minimum(peak, 1.0), clipped, mean)
 
     def hold(self, state: Array, thrust: Array) -> Move:
         """Integrate the forward dynamics under constant inputs."""
@@ -125,7 +132,7 @@ class Mover:
         z, dz = self._vehicle.flat(end)
         ddz = np.asarray(self._accelerated(z, dz, thrust)).ravel()
         flat = np.vstack([z, dz, np.where(np.isfinite(ddz), ddz, 0.0)])  # no number where the flatness map is singular
-        return Move(flat, end, thrust, np.abs(thrust) / self._vehicle.thrust_max)
+        return Move(flat, end, thrust, np.abs(thrust) / self._vehicle.thrust_max, thrust_mean=thrust)
 
     def place(self, state: Array, position: Array) -> Move:
         """Put the vehicle somewhere, at rest and with the same yaw; there is no thrust to speak of."""
@@ -134,28 +141,38 @@ class Mover:
         none = np.full(self._vehicle.thrust_max.shape, np.nan)
         return Move(np.vstack([z, 0.0 * z]), self._vehicle.state(z, 0.0 * z), none, none)
 
+    def water(self, state: Array) -> Array | None:
+        """Velocity of the water over ground where the vehicle is now ``(d,)``; ``None`` where it stands still."""
+        return self._motion.water(state)
+
     def _is_on(self, state: Array, piece: FlatTrajectory) -> bool:
         """Whether the vehicle is where the piece begins: after a clipped piece it is not."""
         return bool(np.abs(np.vstack(self._vehicle.flat(state)) - piece.start[:2]).max() <= ON_PLAN)
 
-    def _led_back(self, state: Array, piece: FlatTrajectory, clipped: bool) -> Move:
-        """Follow a piece with feedback, whose thrust is held between its samples."""
+    def _led_back(self, state: Array, piece: FlatTrajectory, water: Array, clipped: bool) -> Move:
+        """Follow a piece with feedback, whose thrust is held between its samples, in the frame of the water."""
+        through, d = piece.moving(-water), len(water)
         count = samples(self._period)
         step = self._period / count
         asked: list[Array] = []
         for number in range(count):
-            now, middle = _point(piece, number * step), _point(piece, (number + 0.5) * step)
-            asked.append(self._follower.thrust(now, middle, *self._vehicle.flat(state)))
+            now, middle = _point(through, number * step), _point(through, (number + 0.5) * step)
+            z, dz = (values.copy() for values in self._vehicle.flat(state))
+            z[:d] -= number * step * water
+            dz[:d] -= water
+            asked.append(self._follower.thrust(now, middle, z, dz))
             state = self._motion.advance(state, lambda s, held=asked[-1]: held, step)  # type: ignore[misc]
         peak = np.max(np.abs(asked), axis=0) / self._vehicle.thrust_max
-        return self._moved(state, piece, asked[0], peak, clipped)
+        return self._moved(state, piece, asked[0], peak, clipped, np.mean(asked, axis=0))
 
-    def _moved(self, state: Array, piece: FlatTrajectory, thrust: Array, peak: Array, clipped: bool) -> Move:
+    def _moved(
+        self, state: Array, piece: FlatTrajectory, thrust: Array, peak: Array, clipped: bool, mean: Array
+    ) -> Move:
         z, dz = self._vehicle.flat(state)
         planned = piece.knots[1]
         d = self._vehicle.position_dimension
         off = float(np.linalg.norm(z[:d] - planned[0, :d]))
-        return Move(np.vstack([z, dz, planned[2:]]), state, thrust, peak, clipped, off)
+        return Move(np.vstack([z, dz, planned[2:]]), state, thrust, peak, clipped, off, mean)
 
 
 def _point(piece: FlatTrajectory, s: float) -> FlatPoint:

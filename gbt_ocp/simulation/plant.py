@@ -1,4 +1,4 @@
-"""The vehicle that moves: a model whose parameters are off, thrusters that lag, and a force that no model knows."""
+"""The vehicle that moves: a model whose parameters are off, thrusters that lag, water that flows, unknown forces."""
 
 from __future__ import annotations
 
@@ -12,13 +12,11 @@ from numpy.typing import ArrayLike
 from gbt_ocp.models.fossen import FossenParameters, rotation
 from gbt_ocp.models.sizes import not_negative
 from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.simulation.flow import Flow, SlowProcess
 from gbt_ocp.typing import Array
 
 CORRELATION_S = 20.0
 """Time constant of the slowly varying force in s."""
-
-KNOT_S = 1.0
-"""Time between the draws of the slowly varying force in s; it is linear between them."""
 
 SAME_COMMAND_TIME = 1e-9
 """Two times in s that differ by less are the same."""
@@ -60,8 +58,10 @@ class Plant:
         Constant force in the earth frame in N, then the moment about the vertical in N m, ``(d+1,)``.
     force_std
         Standard deviation in N of the slowly varying force on each axis of the position, earth frame.
+    flow
+        How the water flows; ``None`` where it stands still.
     rng
-        Source of its draws; needed if ``force_std`` is positive.
+        Source of the draws of the slowly varying force; needed if ``force_std`` is positive.
 
     Raises
     ------
@@ -71,7 +71,8 @@ class Plant:
     Notes
     -----
     A force asks for a vehicle whose inputs are forces in the body frame along the axes of its pose, as those of
-    :class:`~gbt_ocp.models.fossen.FossenVehicle` are.
+    :class:`~gbt_ocp.models.fossen.FossenVehicle` are. In water that flows the model gives the motion through the water:
+    drag and added mass act on that velocity (Fossen 2011, section 8.3). The state is always that over ground.
     """
 
     vehicle: Vehicle
@@ -80,6 +81,7 @@ class Plant:
     dead_time: float = 0.0
     force: ArrayLike | None = None
     force_std: float = 0.0
+    flow: Flow | None = None
     rng: np.random.Generator | None = None
 
     def __post_init__(self) -> None:
@@ -87,34 +89,6 @@ class Plant:
             not_negative(name, getattr(self, name))
         if self.force_std > 0.0 and self.rng is None:
             raise ValueError("rng: found None; allowed: a generator where force_std is positive")
-
-
-class SlowForce:
-    """A stationary Ornstein-Uhlenbeck process of mean zero on each axis, linear between draws.
-
-    Parameters
-    ----------
-    std
-        Standard deviation in N.
-    dimension
-        d, axes.
-    rng
-        Source of the draws, which depend on nothing but the time that is asked for.
-    """
-
-    def __init__(self, std: float, dimension: int, rng: np.random.Generator) -> None:
-        self._std, self._rng = std, rng
-        self._knots = [std * rng.standard_normal(dimension)]
-
-    def __call__(self, time: float) -> Array:
-        """The force ``(d,)`` in N at a time in s, at least 0."""
-        share, knot = np.modf(time / KNOT_S)
-        keep = float(np.exp(-KNOT_S / CORRELATION_S))
-        while len(self._knots) < int(knot) + 2:
-            fresh = self._std * self._rng.standard_normal(self._knots[0].shape)
-            self._knots.append(keep * self._knots[-1] + np.sqrt(1.0 - keep**2) * fresh)
-        before, after = self._knots[int(knot) : int(knot) + 2]
-        return np.asarray(before + share * (after - before))
 
 
 Command = Callable[[float], Array]
@@ -140,10 +114,35 @@ class Motion:
         self._constant = None if plant.force is None else np.asarray(plant.force, dtype=float)
         self._slow = None
         if plant.force_std > 0.0 and plant.rng is not None:
-            self._slow = SlowForce(plant.force_std, plant.vehicle.position_dimension, plant.rng)
+            self._slow = SlowProcess(plant.force_std, plant.vehicle.position_dimension, plant.rng, CORRELATION_S)
 
     def advance(self, state: Array, command: Command, duration: float) -> Array:
-        """The state after ``duration`` seconds in which the command is given."""
+        """The state after ``duration`` seconds in which the command is given, both over ground."""
+        # the water is taken as constant meanwhile: that of the middle, at the depth of the start
+        water = self.water(state, 0.5 * duration)
+        if water is None:
+            return self._through_water(state, command, duration)
+        end = self._through_water(self._seen_from(state, water), command, duration)
+        return self._seen_from(end, -water, duration * water)
+
+    def water(self, state: Array, later: float = 0.0) -> Array | None:
+        """Velocity of the water ``(d,)`` where the vehicle is, in so many seconds; ``None`` where it stands still."""
+        if self.plant.flow is None:
+            return None
+        in_space = self.plant.vehicle.position_dimension == 3
+        depth = -float(self.plant.vehicle.pose(state)[2]) if in_space else 0.0
+        return self.plant.flow.velocity(self._time + later, depth)
+
+    def _seen_from(self, state: Array, velocity: Array, drift: float | Array = 0.0) -> Array:
+        """The state as a frame sees it that moves with a velocity ``(d,)``, moved on by ``drift``."""
+        z, dz = (values.copy() for values in self.plant.vehicle.flat(state))
+        d = len(velocity)
+        z[:d] += drift
+        dz[:d] -= velocity
+        return self.plant.vehicle.state(z, dz)
+
+    def _through_water(self, state: Array, command: Command, duration: float) -> Array:
+        """The same in water that stands still."""
         plant, began, size = self.plant, self._time, len(state)
         self._commands.append((began + plant.dead_time, command))
         x = np.concatenate([state, self._acting]) if plant.lag > 0.0 else np.asarray(state, dtype=float)

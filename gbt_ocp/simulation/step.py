@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gbt_ocp.guidance.current import Current
 from gbt_ocp.guidance.strategy import Placement
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
@@ -48,6 +49,10 @@ class Step:
         What the guidance answered.
     move
         What the vehicle does until t_{k+1}.
+    water
+        True velocity of the water at the vehicle over ground ``(d,)``; ``None`` where it stands still.
+    current
+        What the guidance knows of it; ``None`` where it plans for still water.
     """
 
     time: float
@@ -64,6 +69,8 @@ class Step:
     bound_delta: float
     decision: Plan | ShootingPlan | Placement | Array
     move: Move
+    water: Array | None = None
+    current: Current | None = None
 
     @property
     def plan(self) -> Plan | ShootingPlan | None:

@@ -63,7 +63,8 @@ def summarise(
     settling time) and for what is not finite. Errors are the mean over T_k per step: ``error_mean``, ``error_median``,
     ``error_rms`` are over all steps, ``error_settled`` and ``error_settled_max`` over t_k >= settling, ``error_final``
     is the last step's. Distances are ‖P_A - P_T‖ at t_k. ``off_plan_median`` and ``off_plan_max`` are over the periods
-    in which a plan was followed, at their ends, in m. ``steps`` counts the sampling periods, K - 1.
+    in which a plan was followed, at their ends, in m. ``current_error_final`` is the distance of the last estimate of
+    the current from the true one in m/s. ``steps`` counts the sampling periods, K - 1.
     Similarities are of desired and true bearing, over the second half of the run. ``range_observable_from_s`` is the
     time from which on the range is known to a quarter until the end. ``steps_over_period`` counts the steps in which
     tracker and solver together took longer than T. To these come the numbers of
@@ -112,6 +113,7 @@ def summarise(
         "violation_max": np.maximum(0.0, executed.max() - 1.0) if executed.size else None,
         "off_plan_median": _of(np.median, followed),
         "off_plan_max": _of(np.max, followed),
+        "current_error_final": _current_error(history),
         "objective_mean": _of(np.mean, history.objective[planned]),
         "solver_success_rate": _of(np.mean, first_try[planned]),
         "solver_iterations_mean": _of(np.mean, history.solver_iterations[planned]),
@@ -142,6 +144,13 @@ def installed_versions() -> dict[str, str]:
             versions[package] = "not installed"
     versions["platform"] = platform.platform()
     return versions
+
+
+def _current_error(history: History) -> Any:
+    """Distance in m/s of the last estimate of the current from the true one; None where none is estimated."""
+    water = np.nan_to_num(history.current[-1], nan=0.0)  # NaN where it stands still
+    wrong = float(np.linalg.norm(history.current_estimate[-1] - water))
+    return wrong if np.isfinite(wrong) else None
 
 
 def _for_good(holds: NDArray[np.bool_]) -> NDArray[np.bool_]:

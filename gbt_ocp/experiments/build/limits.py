@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from gbt_ocp.experiments.config.limits import LIMIT_KINDS, LimitsSection
-from gbt_ocp.ocp import TrajectoryProblem
+from gbt_ocp.guidance.current import Current
+from gbt_ocp.guidance.water import OverGround
+from gbt_ocp.ocp import PathConstraint, TrajectoryProblem
 
 
-def with_limits(problem: TrajectoryProblem, section: LimitsSection) -> TrajectoryProblem:
+def with_limits(
+    problem: TrajectoryProblem, section: LimitsSection, current: Current | None = None
+) -> TrajectoryProblem:
     """The problem subject to the limits of the section: those of ``hard`` at the nodes, the others as penalties.
+
+    With a current, what stands still over ground moves in the problem.
 
     Raises
     ------
@@ -17,6 +25,8 @@ def with_limits(problem: TrajectoryProblem, section: LimitsSection) -> Trajector
     for name, limit in LIMIT_KINDS.items():
         value = getattr(section, limit.key)
         for constraint in () if value is None else limit.constraints(value, problem):
+            if current is not None and getattr(constraint, "over_ground", False):
+                constraint = OverGround(cast(PathConstraint, constraint), current, problem.period)
             if name in section.hard:
                 problem = problem.subject_to(constraint, nodes=section.nodes)
             else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from gbt_ocp.experiments.config.guidance import (
     ConstantForceGuidanceSection,
     FimPlacementGuidanceSection,
     HelicalGuidanceSection,
+    PlannerGuidanceSection,
     RandomGuidanceSection,
     StaticGuidanceSection,
 )
@@ -24,6 +26,7 @@ from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.config.target import TrackTargetSection, TurningTargetSection
 from gbt_ocp.experiments.config.vehicle import FossenVehicleSection, VehicleParametersSection
 from gbt_ocp.guidance.circumnavigation import Circumnavigation
+from gbt_ocp.guidance.current import Current, CurrentObserver, KnownCurrent
 from gbt_ocp.guidance.fim_placement import FimPlacement
 from gbt_ocp.guidance.helical import HelicalGuidance
 from gbt_ocp.guidance.objectives import RangePull
@@ -32,6 +35,7 @@ from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.startup import CrossFirst
 from gbt_ocp.guidance.strategy import Guidance
+from gbt_ocp.guidance.water import InWater
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.contracts import ContractError, made, named
 from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenParameters, FossenVehicle
@@ -157,8 +161,16 @@ def build_sensor(configuration: Configuration) -> BearingSensor:
     )
 
 
-def build_problem(configuration: Configuration, vehicle: Vehicle) -> TrajectoryProblem:
-    """The trajectory problem in the formulation that is asked for."""
+def build_current(configuration: Configuration, vehicle: Vehicle) -> Current | None:
+    """What the planner knows of the current; ``None`` where it plans for still water."""
+    known = getattr(configuration.vehicle, "current", "none")
+    if known == "none":
+        return None
+    return CurrentObserver(vehicle) if known == "unknown" else KnownCurrent(known)
+
+
+def build_problem(configuration: Configuration, vehicle: Vehicle, current: Current | None = None) -> TrajectoryProblem:
+    """The trajectory problem in the formulation that is asked for; with a current, in the frame of the water."""
     section, dimension = configuration.planner, configuration.dimension
     period = section.period_s or configuration.sensor.period_s
     problem = TrajectoryProblem(vehicle, section.pieces, period, section.degree, section.continuity)
@@ -170,7 +182,7 @@ def build_problem(configuration: Configuration, vehicle: Vehicle) -> TrajectoryP
         problem = problem.subject_to(limit, nodes=section.nodes)
     else:
         problem = problem.subject_to_penalty(limit, weight=section.weight, width=section.width, nodes=section.nodes)
-    problem = with_limits(problem, configuration.limits)
+    problem = with_limits(problem, configuration.limits, current)
     more = configuration.problem_object.constrain
     if more is None:
         return problem
@@ -180,10 +192,10 @@ def build_problem(configuration: Configuration, vehicle: Vehicle) -> TrajectoryP
     return constrained
 
 
-def build_planner(configuration: Configuration, vehicle: Vehicle) -> Planner:
+def build_planner(configuration: Configuration, vehicle: Vehicle, current: Current | None = None) -> Planner:
     """The planner with its solver."""
     section = configuration.planner
-    return build_problem(configuration, vehicle).compile(section.solver, section.solver_options)
+    return build_problem(configuration, vehicle, current).compile(section.solver, section.solver_options)
 
 
 def build_guidance(
@@ -221,7 +233,8 @@ def build_guidance(
             range_gain=section.range_gain,
             range_damping=section.range_damping,
         )
-    planner = build_planner(configuration, vehicle)
+    current = build_current(configuration, vehicle)
+    planner = build_planner(configuration, vehicle, current)
     objective = planner.problem.objectives[0]
     planned = PlannedMotion(
         planner,
@@ -233,12 +246,16 @@ def build_guidance(
         joint=build_joint(configuration, objective, tracker),
     )
     planned.rehearse()
-    if section.startup_deviation == 0.0:
-        return planned
+    strategy = planned if section.startup_deviation == 0.0 else _crossing_first(configuration, planned, vehicle)
+    return strategy if current is None else InWater(strategy, current, configuration.forecast_period)
+
+
+def _crossing_first(configuration: Configuration, planned: PlannedMotion, vehicle: Vehicle) -> CrossFirst:
+    section = cast(PlannerGuidanceSection, configuration.guidance)
     return CrossFirst(
         planned,
         vehicle,
-        period,
+        configuration.sensor.period_s,
         axis=configuration.desired_bearing.axis or (0.0, 0.0, 1.0),
         deviation=section.startup_deviation,
         speed=section.startup_speed,

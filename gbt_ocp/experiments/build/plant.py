@@ -7,6 +7,7 @@ import numpy as np
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.models.fossen import FossenVehicle
 from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.simulation.flow import Flow
 from gbt_ocp.simulation.plant import Plant, scaled
 
 
@@ -35,6 +36,15 @@ def build_plant(configuration: Configuration, vehicle: Vehicle, rng: np.random.G
     if any(section.force or ()):
         force = np.zeros(configuration.dimension + 1)
         force[: len(section.force or ())] = section.force
+    flow = None
+    if section.flows:
+        flow = Flow(
+            section.current or np.zeros(configuration.dimension),
+            section.current_shear,
+            section.current_std,
+            section.current_time_s,
+            rng.spawn(1)[0],  # of its own: the force does not change with the water
+        )
     return Plant(
         moving,
         thrust=thrust,
@@ -42,5 +52,6 @@ def build_plant(configuration: Configuration, vehicle: Vehicle, rng: np.random.G
         dead_time=section.dead_time_s,
         force=force,
         force_std=section.force_std,
+        flow=flow,
         rng=rng,
     )

@@ -10,19 +10,17 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pydantic import ValidationError
-
 from gbt_ocp.experiments.build.tracker_kinds import TRACKERS
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.faults import NOTHING, Fault, shown, value_at
 from gbt_ocp.experiments.config.keys import Section
 from gbt_ocp.experiments.config.noise import NoisyBearingsSection
 from gbt_ocp.experiments.config.planner import PlannerSection
-from gbt_ocp.experiments.config.plant import PlantSection
 from gbt_ocp.experiments.config.schema import Configuration, kinds
 from gbt_ocp.experiments.config.sensor import SensorSection
 from gbt_ocp.experiments.config.tracker import GaussianProcessSection, ShapeSection, TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
+from gbt_ocp.experiments.config.vehicle_faults import vehicle_faults
 
 _BINS = ("bin_s", "window_s")
 _CASES = {2: ("case1", "case2", "case3"), 3: ("case4", "case5", "case6")}
@@ -44,7 +42,7 @@ def inconsistencies(merged: Mapping[str, Any], problem: TrackingProblem | None) 
     yield from _one_of(merged, ("desired_bearing",), "m", "period_s")
     if isinstance(value_at(merged, ("tracker", "prior")), Mapping):
         yield from _one_of(merged, ("tracker", "prior"), "std", "covariance")
-    yield from _plant(merged)
+    yield from vehicle_faults(merged, problem)
     if problem is not None:
         yield from _dimension(merged, problem)
         yield from _factories(merged, problem)
@@ -158,30 +156,6 @@ def _bins(merged: Mapping[str, Any], path: tuple[str, ...], section: type[Sectio
         yield Fault((*path, "window_s"), shown(window), f"at least {least} bins, {least * width:.6g} s")
     elif too_many(window, width, MOST_BINS):
         yield Fault((*path, "window_s"), shown(window), f"at most {MOST_BINS} bins, {MOST_BINS * width:.6g} s")
-
-
-def _plant(merged: Mapping[str, Any]) -> Iterator[Fault]:
-    """A vehicle that differs from its model, beside ways to move that leave no room for it."""
-    vehicle, follow = value_at(merged, ("vehicle", "kind")), value_at(merged, ("vehicle", "follow"))
-    bandwidth = value_at(merged, ("vehicle", "follow_bandwidth"))
-    if bandwidth not in (NOTHING, None) and follow != "feedback":
-        yield Fault(("vehicle", "follow_bandwidth"), shown(bandwidth), "null without vehicle.follow = feedback")
-    try:
-        plant = PlantSection.model_validate(merged.get("plant", {}))
-    except ValidationError:  # said where single keys are checked
-        return
-    if plant.is_model:
-        return
-    if follow in (NOTHING, "exact"):
-        allowed = "dynamics or feedback beside a plant that differs from its model"
-        yield Fault(("vehicle", "follow"), "exact", allowed)
-    if value_at(merged, ("guidance", "kind")) == "fim_placement":
-        yield Fault(
-            ("plant",), shown(merged["plant"]), "nothing beside guidance.kind = fim_placement, which moves no plant"
-        )
-    if vehicle == "problem" and plant.has_forces:
-        allowed = "thrust, lag_s and dead_time_s alone beside vehicle.kind = problem"
-        yield Fault(("plant",), shown(merged["plant"]), allowed)
 
 
 def _limits(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Iterator[Fault]:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, ValidationInfo
 
-from gbt_ocp.experiments.config.keys import Numbers, PositiveInputNumbers, Section, key
+from gbt_ocp.experiments.config.keys import Numbers, PositionNumbers, PositiveInputNumbers, Section, key
 
 _SMALLEST_LAG = 1.0e-3
 """Least time constant of a thruster in s: a shorter one makes a stiff equation and no difference."""
@@ -61,6 +61,22 @@ class PlantSection(Section):
         ge=0.0,
     )
 
+    current: PositionNumbers | None = key(
+        None, "Velocity of the water over ground in m/s at z = 0, earth frame.", "null, or {d} numbers"
+    )
+    current_shear: PositionNumbers | None = key(
+        None, "Its change with depth in m/s for each metre, in space.", "null, or {d} numbers"
+    )
+    current_std: float = key(
+        0.0, "Standard deviation in m/s, on each horizontal axis, of a part of it that varies.", ge=0.0
+    )
+    current_time_s: float = key(300.0, "Time constant in s of that part.", gt=0.0)
+
+    @property
+    def flows(self) -> bool:
+        """Whether the water moves."""
+        return any(self.current or ()) or any(self.current_shear or ()) or self.current_std > 0.0
+
     @property
     def is_model(self) -> bool:
         """Whether the vehicle is as its model says."""
@@ -69,6 +85,7 @@ class PlantSection(Section):
 
     @property
     def has_forces(self) -> bool:
-        """Whether a key is set that has a meaning for a Fossen model alone: its parameters, and forces on its hull."""
+        """Whether a key is set that needs a Fossen model: its parameters, the water, forces on its hull."""
         factors = (self.mass, self.added_mass, self.drag)
-        return any(factor != 1.0 for factor in factors) or any(self.force or ()) or self.force_std > 0.0
+        changed = any(factor != 1.0 for factor in factors)
+        return changed or any(self.force or ()) or self.force_std > 0.0 or self.flows

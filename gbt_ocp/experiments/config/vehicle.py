@@ -45,6 +45,10 @@ def _own_or_named(value: Any) -> str:
     return "own" if isinstance(value, Mapping | VehicleParametersSection) else "named"
 
 
+def _word_or_given(value: Any) -> str:
+    return "word" if isinstance(value, str) else "given"
+
+
 class StartSection(Section):
     """Where the vehicle starts, at rest."""
 
@@ -88,6 +92,14 @@ class FossenVehicleSection(Section):
     start: StartSection = _START
     follow: Follow = _FOLLOW
     follow_bandwidth: float | None = _BANDWIDTH
+    current: Annotated[
+        Annotated[Literal["none", "unknown"], Tag("word")] | Annotated[PositionNumbers, Tag("given")],
+        Discriminator(_word_or_given),
+    ] = key(
+        "none",
+        "What the planner knows of the current: that there is none, nothing (it is estimated), or its velocity in m/s.",
+        "none, unknown, or {d} numbers",
+    )
 
 
 class ProblemVehicleSection(Section):

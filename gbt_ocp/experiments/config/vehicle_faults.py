@@ -1,0 +1,59 @@
+"""Faults between the keys of the vehicle, its plant and how it follows a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydantic import ValidationError
+
+from gbt_ocp.experiments.config.faults import NOTHING, Fault, shown, value_at
+from gbt_ocp.experiments.config.plant import PlantSection
+from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
+
+
+def vehicle_faults(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Iterator[Fault]:
+    """A vehicle that differs from its model, beside ways to move that leave no room for it.
+
+    Parameters
+    ----------
+    merged
+        All layers of the configuration.
+    problem
+        The problem, ``None`` if it could not be loaded.
+    """
+    vehicle, follow = value_at(merged, ("vehicle", "kind")), value_at(merged, ("vehicle", "follow"))
+    bandwidth = value_at(merged, ("vehicle", "follow_bandwidth"))
+    if bandwidth not in (NOTHING, None) and follow != "feedback":
+        yield Fault(("vehicle", "follow_bandwidth"), shown(bandwidth), "null without vehicle.follow = feedback")
+    current = value_at(merged, ("vehicle", "current"))
+    if current not in (NOTHING, "none"):
+        yield from _current(merged, current, problem)
+    try:
+        plant = PlantSection.model_validate(merged.get("plant", {}))
+    except ValidationError:  # said where single keys are checked
+        return
+    if plant.is_model:
+        return
+    if follow in (NOTHING, "exact"):
+        allowed = "dynamics or feedback beside a plant that differs from its model"
+        yield Fault(("vehicle", "follow"), "exact", allowed)
+    if value_at(merged, ("guidance", "kind")) == "fim_placement":
+        yield Fault(
+            ("plant",), shown(merged["plant"]), "nothing beside guidance.kind = fim_placement, which moves no plant"
+        )
+    if plant.current_shear is not None and len(plant.current_shear) == 2:
+        yield Fault(("plant", "current_shear"), shown(list(plant.current_shear)), "null in the plane")
+    if vehicle == "problem" and plant.has_forces:
+        allowed = "thrust, lag_s and dead_time_s alone beside vehicle.kind = problem"
+        yield Fault(("plant",), shown(merged["plant"]), allowed)
+
+
+def _current(merged: Mapping[str, Any], current: Any, problem: TrackingProblem | None) -> Iterator[Fault]:
+    """A current that is planned for, beside what plans nothing or plans over ground."""
+    if value_at(merged, ("guidance", "kind")) not in (NOTHING, "planner"):
+        yield Fault(("vehicle", "current"), shown(current), "none beside a guidance.kind other than planner")
+    if value_at(merged, ("vehicle", "follow")) in (NOTHING, "exact"):
+        yield Fault(("vehicle", "follow"), "exact", "dynamics or feedback beside vehicle.current")
+    if problem is not None and problem.objective is not None:
+        yield Fault(("vehicle", "current"), shown(current), "none beside an objective of the problem's own")
