@@ -72,7 +72,7 @@ def history(dimension: int = 2, steps: int = 300, planner: bool = True, tuned: b
     else:
         status[:], solver_time[:] = "", np.nan
     unknown = np.full(count, np.nan)
-    return History(
+    arrays = dict(
         t=t,
         vehicle_pose=pose,
         vehicle_velocity=np.gradient(pose, PERIOD, axis=0),
@@ -101,6 +101,7 @@ def history(dimension: int = 2, steps: int = 300, planner: bool = True, tuned: b
         piece_thrust_peak=peak,
         off_plan=np.zeros(count) if planner else unknown,
     )
+    return History.of(arrays)
 
 
 def summary(run: History) -> dict:

@@ -57,7 +57,7 @@ def five_steps(**changes) -> History:
         "off_plan": [np.nan, 0.3, 0.1, 0.2, np.nan],
         "plan": np.zeros((5, 4, 3)),
     }
-    return History(**{**arrays, **changes})
+    return History.of({**arrays, **changes})
 
 
 def summary_of(history: History, **changes) -> dict:

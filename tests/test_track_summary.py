@@ -28,7 +28,7 @@ def history(steps=201, ahead=10, **changes):
         "error": np.linalg.norm(error, axis=2),
         "bound": np.ones((steps, ahead + 1)),
     }
-    return History(**{**arrays, **changes})
+    return History.of({**arrays, **changes})
 
 
 def test_a_calibrated_posterior_is_found_calibrated():

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import zipfile
-from typing import Self
+from collections.abc import Mapping
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -282,19 +283,34 @@ class History:
         needed = [one.name for one in declared if not one.optional]
         arrays = read_arrays(path, needed, "a history", optional=[one.name for one in declared if one.optional])
         try:
-            lengths = {
-                SAME_LENGTH.get(axis, axis): length
-                for one in declared
-                if one.name in arrays and arrays[one.name].ndim == len(one.axes)
-                for axis, length in zip(one.axes, arrays[one.name].shape, strict=True)
-            }
-            for one in declared:
-                if one.name not in arrays:
-                    shape = [lengths.get(SAME_LENGTH.get(axis, axis), 0) for axis in one.axes]
-                    arrays[one.name] = np.full(shape, UNKNOWN[one.kind])
-            return cls(**arrays)
+            return cls.of(arrays)
         except (ValueError, TypeError, OverflowError) as fault:
             raise ValueError(f"{os.fspath(path)}: not a history: {fault}") from None
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, Any]) -> Self:
+        """A history of arrays by name; optional arrays that are not among them are unknown.
+
+        Raises
+        ------
+        ValueError
+            If shapes disagree, or times do not increase.
+        TypeError
+            If an array that is not optional is missing.
+        """
+        declared = columns(cls)
+        given = {name: np.asarray(array) for name, array in arrays.items()}
+        lengths = {
+            SAME_LENGTH.get(axis, axis): length
+            for one in declared
+            if one.name in given and given[one.name].ndim == len(one.axes)
+            for axis, length in zip(one.axes, given[one.name].shape, strict=True)
+        }
+        for one in declared:
+            if one.optional and one.name not in given:
+                shape = [lengths.get(SAME_LENGTH.get(axis, axis), 0) for axis in one.axes]
+                given[one.name] = np.full(shape, UNKNOWN[one.kind])
+        return cls(**given)
 
 
 WALL_CLOCK = tuple(one.name for one in columns(History) if one.clock)
