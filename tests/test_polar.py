@@ -150,7 +150,7 @@ def straight_leg(kind, seed, duration=60.0, own_speed=1.75, speed=1.0):
 
 def bound(kind, duration=60.0):
     """Cramér-Rao bound ``(2, 2)`` of the last position, by finite differences of the measurements."""
-    seen, _, _ = straight_leg(kind, 0)
+    seen, _, _ = straight_leg(kind, 0, duration)
     information = np.zeros((5, 5))
     information[4, 4] = 1.0 / 0.3**2
 
