@@ -16,6 +16,7 @@ from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.strategy import BearingGuidance, Guidance, Placement
 from gbt_ocp.guidance.water import InWater
 from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target
 from gbt_ocp.models.vehicles import Vehicle
@@ -25,8 +26,11 @@ from gbt_ocp.simulation.history import History
 from gbt_ocp.simulation.mover import Mover
 from gbt_ocp.simulation.plant import Plant
 from gbt_ocp.simulation.recorder import Recorder
+from gbt_ocp.simulation.sensing import Sensing
 from gbt_ocp.simulation.step import Step
 from gbt_ocp.tracking.gaps import new_tracks
+from gbt_ocp.tracking.intake import take_in
+from gbt_ocp.tracking.polar import bearing_of
 from gbt_ocp.tracking.protocol import Forecast, GaussianProcess, PositionTracker, Tracker
 from gbt_ocp.typing import Array
 
@@ -60,6 +64,8 @@ class ClosedLoop:
         The vehicle that moves, where it is not the model; not with ``exact``.
     follow_bandwidth
         Of the follower, rad/s.
+    sensors
+        Several sensors, which take the place of :attr:`sensor`; its period remains that of the loop.
     """
 
     target: Target
@@ -76,6 +82,7 @@ class ClosedLoop:
     rng: np.random.Generator
     plant: Plant | None = None
     follow_bandwidth: float = BANDWIDTH
+    sensors: Sensing | None = None
 
     # isinstance with a protocol takes as long as a step of a cheap tracker, so it is asked once
 
@@ -183,14 +190,31 @@ def simulate(
         times = np.asarray(t + loop.forecast_period * np.arange(loop.forecast + 1), dtype=float)
         truth = loop.target.position(times)
         own = vehicle.pose(state)[: loop.target.dimension]
-        bearing = loop.sensor.measure(k, truth[0], own, loop.rng)
+        sensed: list[Sighting] = []
+        if loop.sensors is None:
+            bearing = loop.sensor.measure(k, truth[0], own, loop.rng)
+            position = _measured_position(loop, truth[0])
+        else:
+            # what is recorded is the last direction that was measured
+            measured_now = map(bearing_of, loop.sensors.measure(k, t, truth[0], vehicle.pose(state)))
+            bearing = next((one for one in reversed([*measured_now]) if one is not None), None)
+            sensed = loop.sensors.arrived(t)
         water = mover.water(state)
-        position = _measured_position(loop, truth[0])
 
         began = perf_counter()
         latest: Array | None = None
-        if bearing is not None:
+        if bearing is not None and loop.sensors is None:
             underway.append((t, bearing, own, position))
+        for sighting in sensed:
+            if not _sighting_taken(loop, sighting):
+                refused += 1
+                continue
+            direction = bearing_of(sighting)
+            if direction is not None:
+                seen.append(direction)
+                latest = direction
+            if new_tracks(loop.tracker) > len(begun):
+                begun.append(sighting.time)
         while underway and underway[0][0] <= t - loop.sensor.latency + 1e-9:
             measured, arrived, there, place = underway.popleft()
             if _taken(loop, measured, arrived, there, place):
@@ -255,6 +279,15 @@ def _taken(loop: ClosedLoop, time: float, bearing: Array, own: Array, position: 
         else:
             cast(Tracker, loop.tracker).update(time, bearing, own)
     except ValueError:  # refused, by the protocol of trackers; the tracker is unchanged
+        return False
+    return True
+
+
+def _sighting_taken(loop: ClosedLoop, sighting: Sighting) -> bool:
+    """Give the tracker a measurement of any kind. Returns whether it took it."""
+    try:
+        take_in(loop.tracker, sighting)
+    except ValueError:
         return False
     return True
 

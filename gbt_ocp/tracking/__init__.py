@@ -9,6 +9,7 @@ from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
 from gbt_ocp.tracking.filters.polynomial import PolynomialRegression
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.gp.lmc import CoregionalizedTracker
+from gbt_ocp.tracking.intake import SightingTracker, take_in, taken_kinds
 from gbt_ocp.tracking.mixture import MixtureTracker
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal, PositionPrior, RangedPrior
@@ -47,5 +48,8 @@ __all__ = [
     "PseudoLinearKalmanFilter",
     "RangedPrior",
     "ShapePrior",
+    "SightingTracker",
     "Tracker",
+    "take_in",
+    "taken_kinds",
 ]

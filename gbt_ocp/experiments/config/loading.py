@@ -22,6 +22,7 @@ from gbt_ocp.experiments.config import yaml_dialect as dialect
 from gbt_ocp.experiments.config.consistency import extremes, inconsistencies, without_effect
 from gbt_ocp.experiments.config.faults import NOTHING, ConfigurationError, Fault, shown, value_at
 from gbt_ocp.experiments.config.schema import Configuration, is_text
+from gbt_ocp.experiments.config.sensor import ListedSensorSection
 from gbt_ocp.experiments.config.tracker import TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.validation import faults_of
@@ -59,6 +60,7 @@ _ALTERNATIVES: dict[tuple[str, ...], tuple[str, str]] = {
 # Another kind brings other keys; these belong to every kind of their section and stay.
 _SHARED: dict[tuple[str, ...], tuple[str, ...]] = {
     ("vehicle",): ("start", "follow", "follow_bandwidth", "hotel_w"),
+    ("sensor", "_"): tuple(ListedSensorSection.model_fields),
 }
 
 
@@ -329,11 +331,21 @@ def _overlay(base: Mapping[str, Any], above: Mapping[str, Any], path: tuple[str,
         merged = {key: value for key, value in merged.items() if key not in alternatives}
     for key, value in above.items():
         beneath = merged.get(key)
-        if isinstance(value, Mapping):
+        if isinstance(value, Mapping) and isinstance(beneath, list) and _numbers_of(value, len(beneath)):
+            # sensor.1.noise_deg names a key of one of several
+            merged[key] = list(beneath)
+            for place, item in value.items():
+                merged[key][int(place)] = _overlay({"_": beneath[int(place)]}, {"_": item}, (*path, key))["_"]
+        elif isinstance(value, Mapping):
             merged[key] = _overlay(beneath if isinstance(beneath, Mapping) else {}, value, (*path, key))
         else:
             merged[key] = value
     return merged
+
+
+def _numbers_of(value: Mapping[str, Any], count: int) -> bool:
+    """Whether all keys are numbers of so many entries of a list."""
+    return bool(value) and all(key.isdigit() and int(key) < count for key in value)
 
 
 def _origin(path: tuple[str, ...], layers: Sequence[_Layer], label: str) -> str:
