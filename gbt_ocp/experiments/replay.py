@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from gbt_ocp.experiments.bearing_log import read_log
 from gbt_ocp.experiments.build.far_priors import far_priors
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config, load_tracker
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.config.tracker import TrackerSection
+from gbt_ocp.experiments.logs.read import read_log
 from gbt_ocp.experiments.noise_check import replay_noise_warnings
 from gbt_ocp.files import whole_folder
 from gbt_ocp.models.sensors import BearingSensor
@@ -88,6 +88,9 @@ def replay(
     bearing_from: str | None = None,
     latency: float | None = None,
     where: Mapping[str, str | float] | None = None,
+    mapping: str | os.PathLike[str] | None = None,
+    topics: Sequence[str] = (),
+    origin_deg: tuple[float, float] | None = None,
     overrides: Sequence[str] = (),
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Replayed:
@@ -96,7 +99,7 @@ def replay(
     Parameters
     ----------
     log
-        CSV file; see :func:`~gbt_ocp.experiments.bearing_log.read_log`.
+        A log of any format; see :func:`~gbt_ocp.experiments.logs.read.read_log`.
     configuration
         As for :func:`gbt_ocp.run`; its sections ``tracker`` and ``replay`` count.
     trackers
@@ -106,6 +109,8 @@ def replay(
         Replace ``replay.bearing_from`` and ``replay.latency_s``.
     where
         Values by column, added to ``replay.where``.
+    mapping, topics, origin_deg
+        Replace ``replay.mapping``, ``replay.topics`` and ``replay.origin_deg``.
     overrides
         ``key.path=value`` strings.
     progress
@@ -130,12 +135,25 @@ def replay(
         changes.append(f"replay.latency_s={latency}")
     if where:
         changes.append(f"replay.where={json.dumps(dict(where))}")
+    if mapping is not None:
+        changes.append(f"replay.mapping={json.dumps(os.fspath(mapping))}")
+    if topics:
+        changes.append(f"replay.topics={json.dumps(list(topics))}")
+    if origin_deg is not None:
+        changes.append(f"replay.origin_deg={json.dumps(list(origin_deg))}")
     config = load_config(configuration, changes)
     section = config.replay
-    if section.bearing_from is None:
-        allowed = "x (counter-clockwise from +x), north (clockwise from +y)"
-        raise ConfigurationError([f"--bearing-from: found nothing, nor replay.bearing_from; allowed: {allowed}"])
-    data = read_log(Path(log), section.bearing_from, section.latency_s, section.where)
+    data = read_log(
+        Path(log),
+        section.bearing_from,
+        section.latency_s,
+        section.where,
+        mapping=section.mapping,
+        topics=section.topics,
+        origin_deg=section.origin_deg,
+        in_plane=section.in_plane,
+        heading_std=math.radians(section.heading_std_deg),
+    )
     for line in data.warnings:
         warnings.warn(line, RuntimeWarning, stacklevel=2)
     # the dimension is the log's, whatever the problem; nothing else of a problem counts

@@ -8,7 +8,9 @@ from time import perf_counter
 
 import numpy as np
 
+from gbt_ocp.frames import LocalPlane
 from gbt_ocp.models.bearings import log_map
+from gbt_ocp.models.measurements import Measurement, Sighting
 from gbt_ocp.tracking.gaps import new_tracks
 from gbt_ocp.tracking.protocol import Forecast, Tracker, relative_range_std
 from gbt_ocp.typing import Array
@@ -98,7 +100,7 @@ def _angle_from(line: Array, bearing: Array) -> Array:
 
 @dataclass(frozen=True)
 class BearingLog:
-    """K bearings in the order of time.
+    """K measurements in the order of time, most of them bearings.
 
     Attributes
     ----------
@@ -107,13 +109,17 @@ class BearingLog:
     own
         Own positions then ``(K, d)`` in metres.
     bearings
-        ``(K, d)``, unit vectors.
+        ``(K, d)``, unit vectors; NaN where the measurement is of another kind.
     truth
         The target's positions ``(K, d)`` in metres, NaN where they are not known; ``None`` if the log has none.
     own_rows
         Rows of the log that hold an own position and no bearing.
     warnings
         Lines about what is suspicious in the log.
+    sightings
+        The measurements in the earth frame, each with its kind, noise and sensor, at ``own``.
+    plane
+        Where on the earth the origin of the positions is; ``None`` if that is not known.
     """
 
     times: Array
@@ -122,6 +128,8 @@ class BearingLog:
     truth: Array | None
     own_rows: int = 0
     warnings: tuple[str, ...] = ()
+    sightings: tuple[Sighting, ...] = ()
+    plane: LocalPlane | None = None
 
     @property
     def dimension(self) -> int:
@@ -130,5 +138,21 @@ class BearingLog:
 
     @property
     def period(self) -> float:
-        """Median time between bearings in seconds."""
-        return float(np.median(np.diff(self.times)))
+        """Median time between bearings in seconds; between all measurements where there is one bearing at most."""
+        times = self.times[np.isfinite(self.bearings[:, 0])]
+        return float(np.median(np.diff(times if len(times) > 1 else self.times)))
+
+    @property
+    def measurements(self) -> list[Measurement]:
+        """The measurements as a pilot or a tracker of one's own takes them: in the earth frame, each at ``own``."""
+        return [
+            Measurement(
+                one.time,
+                one.kind,
+                float(one.value[0]) if one.value.size == 1 else one.value,
+                None if np.isnan(one.std).any() else one.std,
+                one.sensor,
+                "earth",
+            )
+            for one in self.sightings
+        ]

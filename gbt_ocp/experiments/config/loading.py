@@ -262,7 +262,7 @@ def _beneath(
         if any(isinstance(value, int | float) for value in standoff):
             layers.append(_Layer("defaults", {"desired_bearing": {"period_s": "auto"}}))
         for layer in (_Layer(label, own), _Layer(label, _plain_mapping(problem.defaults))):
-            _resolve_track(layer.values, path.parent)
+            _resolve_paths(layer.values, path.parent)
             layers.append(layer)
     if isinstance(preset, str) and preset in PRESETS:
         layers.append(_Layer(f"preset {preset}", PRESETS[preset]))
@@ -270,7 +270,7 @@ def _beneath(
 
 
 def _complete(merged: dict[str, Any], folder: Path, problem: TrackingProblem | None) -> None:
-    _resolve_track(merged, folder)
+    _resolve_paths(merged, folder)
     guidance = merged.get("guidance")
     if problem is None or not isinstance(guidance, dict) or guidance.get("kind") != "constant_force":
         return
@@ -278,10 +278,13 @@ def _complete(merged: dict[str, Any], folder: Path, problem: TrackingProblem | N
         guidance.setdefault("force", [500.0] * problem.dimension + [0.0])
 
 
-def _resolve_track(values: dict[str, Any], folder: Path) -> None:
+def _resolve_paths(values: dict[str, Any], folder: Path) -> None:
     path = value_at(values, ("target", "path"))
     if isinstance(path, str) and path:
         values["target"]["path"] = _absolute(path, folder)
+    mapping = value_at(values, ("replay", "mapping"))
+    if isinstance(mapping, str) and mapping.endswith((".yaml", ".yml")):  # else a name, or a path that is refused
+        values["replay"]["mapping"] = _absolute(mapping, folder)
 
 
 def _absolute(path: str, folder: Path) -> str:
