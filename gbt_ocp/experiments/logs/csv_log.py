@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gbt_ocp.experiments.config.consistency import LARGEST
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.yaml_dialect import shortened
 from gbt_ocp.experiments.contacts import contact_warning, told_apart
@@ -16,7 +17,7 @@ from gbt_ocp.experiments.logs.csv_columns import CLOCKS, BearingFrom, CsvLayout,
 from gbt_ocp.experiments.logs.csv_rows import CsvRows, is_empty, number_columns, read_rows, utc_column
 from gbt_ocp.experiments.logs.mapping import LogMapping, MeasurementEntry
 from gbt_ocp.experiments.logs.records import Records, fields_of
-from gbt_ocp.frames import seconds_of_counts
+from gbt_ocp.frames import TIME_UNITS, seconds_of_counts
 from gbt_ocp.typing import Array
 
 
@@ -81,7 +82,9 @@ class CsvLog:
             return all(none[k] for names, none in zip(groups, empty, strict=True) if name in names)
 
         names = [name for entry in mapping.entries.values() for name in fields_of(entry) if name not in texts]
-        numbers = number_columns(rows, list(dict.fromkeys([*([] if unit == "utc" else [clock]), *names])), optional)
+        counted = [] if unit == "utc" else [clock]
+        largest = {clock: LARGEST * TIME_UNITS.get(unit, 1)}
+        numbers = number_columns(rows, list(dict.fromkeys([*counted, *names])), optional, largest)
         self._refuse_below_zero(numbers, stds)
         self._times = utc_column(rows, clock) if unit == "utc" else _in_seconds(rows, clock, unit, numbers[clock])
         self._refuse_falling(clock)

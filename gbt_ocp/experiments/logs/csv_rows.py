@@ -156,7 +156,12 @@ def _of_width(rows: CsvRows, k: int) -> str:
     return f"{rows.path}: line {rows.lines[k]}: {count}"
 
 
-def number_columns(rows: CsvRows, names: Sequence[str], optional: Callable[[str, int], bool]) -> dict[str, Array]:
+def number_columns(
+    rows: CsvRows,
+    names: Sequence[str],
+    optional: Callable[[str, int], bool],
+    largest: Mapping[str, float] | None = None,
+) -> dict[str, Array]:
     """Columns as numbers ``(N,)``; NaN where a cell is empty.
 
     In a file whose cells are separated by semicolons or tabs the decimal mark may be a comma, in all cells or in none.
@@ -169,6 +174,8 @@ def number_columns(rows: CsvRows, names: Sequence[str], optional: Callable[[str,
         Of the columns.
     optional
         Whether a cell may be empty: its column, and the number of its row.
+    largest
+        Of columns that may be larger than :data:`LARGEST`.
 
     Raises
     ------
@@ -180,14 +187,15 @@ def number_columns(rows: CsvRows, names: Sequence[str], optional: Callable[[str,
         texts = _with_points(rows, texts)
     found, faults = {}, []
     for name, cells in texts.items():
+        bound = (largest or {}).get(name, LARGEST)
         values = _quickly(cells)
-        if values is None or np.any(np.abs(values) > LARGEST) or np.isnan(values).any():
+        if values is None or np.any(np.abs(values) > bound) or np.isnan(values).any():
             values = np.empty(len(cells))
             for k, text in enumerate(cells):
                 values[k] = float(text) if PLAIN_NUMBER.fullmatch(text) else math.nan
-                if abs(values[k]) <= LARGEST or (is_empty(text) and optional(name, k)):
+                if abs(values[k]) <= bound or (is_empty(text) and optional(name, k)):
                     continue
-                faults.append((k, rows.fault(k, name, text, f"a finite number of a size up to {LARGEST:g}")))
+                faults.append((k, rows.fault(k, name, text, f"a finite number of a size up to {bound:g}")))
         found[name] = values
     rows.refuse([line for _, line in sorted(faults, key=lambda fault: fault[0])])
     return found

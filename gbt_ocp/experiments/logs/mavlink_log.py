@@ -26,8 +26,12 @@ def mavlink_messages(path: Path, asks: Callable[[str, str], bool]) -> Iterator[L
         If pymavlink is not installed, or the file cannot be read.
     """
     mavutil = optional_module("pymavlink.mavutil", "mavlink", "logs of MAVLink")
+    dataflash = optional_module("pymavlink.DFReader", "mavlink", "logs of MAVLink")
+    mavutil.set_dialect("ardupilotmega")
     try:
-        log: Any = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
+        # by their classes: mavlink_connection takes some names of files for those of a connection
+        of_autopilot = path.suffix.casefold() == ".bin"
+        log: Any = dataflash.DFReader_binary(str(path)) if of_autopilot else mavutil.mavlogfile(str(path))
         try:
             while True:
                 message = log.recv_msg()
