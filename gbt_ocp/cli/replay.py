@@ -49,6 +49,13 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="read only the rows of one contact; may be given again for another column",
     )
+    parser.add_argument(
+        "--export",
+        metavar="NAME,NAME",
+        type=names,
+        default=[],
+        help="csv, geojson, gpx, mcap, page (default: all)",
+    )
     parser.add_argument("--latency", metavar="S", type=float, help="age in s of a bearing at its time stamp")
     add_out(parser, "a new or empty folder (default: a new one in runs/)")
     add_set(parser)
@@ -86,7 +93,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from gbt_ocp.experiments.replay import replay
-    from gbt_ocp.reporting.replay_figures import score_table
+    from gbt_ocp.reporting.replay_figures import score_text
 
     where = _where(arguments.where)
     given: Path | None = arguments.out
@@ -111,12 +118,13 @@ def _carry_out(arguments: argparse.Namespace) -> int:
             mapping=arguments.mapping,
             topics=arguments.topics,
             origin_deg=arguments.origin,
+            export=arguments.export,
             overrides=arguments.set,
             progress=after,
         )
     asked = given or free_folder(name)
     out, drawn = save_somewhere(found, asked, figures=not arguments.no_figures)
-    show(score_table(found.summary).markdown())
+    show(score_text(found.summary))
     show(f"\n{out}")
     if given is not None and out != asked:
         return WRONG_INPUT

@@ -68,7 +68,11 @@ class _Layer:
 
 
 def load_config(
-    source: str | Path | Mapping[str, Any], overrides: Sequence[str] = (), seed: int | None = None
+    source: str | Path | Mapping[str, Any],
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    *,
+    of_log: bool = False,
 ) -> Configuration:
     """Load and check a configuration.
 
@@ -81,6 +85,8 @@ def load_config(
         Lines ``key.path=value`` with the value in YAML, stronger than what is written; later ones are stronger.
     seed
         Replaces the seed.
+    of_log
+        Leave the section ``tracker`` to :func:`load_tracker`, when the dimension of the log is known.
 
     Returns
     -------
@@ -92,7 +98,7 @@ def load_config(
     ConfigurationError
         If anything is wrong, with one line a fault: file, key path, what was found, what is allowed.
     """
-    return _checked(source, overrides, seed, None)
+    return _checked(source, overrides, seed, 0 if of_log else None)
 
 
 def load_tracker(source: str | Path | Mapping[str, Any], overrides: Sequence[str], dimension: int) -> TrackerSection:
@@ -116,7 +122,7 @@ def load_tracker(source: str | Path | Mapping[str, Any], overrides: Sequence[str
 def _checked(
     source: str | Path | Mapping[str, Any], overrides: Sequence[str], seed: int | None, logged: int | None
 ) -> Configuration:
-    """The configuration; with the dimension of a log, all sections but the tracker's are the defaults."""
+    """The configuration; with the dimension of a log, the tracker's section alone, and before it is known, 0, not it."""
     label, folder, name, text = _read(source)
     faults: list[str] = []
     layers = [_Layer(label, _written(text, label, faults))]
@@ -134,9 +140,11 @@ def _checked(
     _complete(merged, folder, problem)
 
     sizes, sections = _known_sizes(merged, problem), merged
-    if logged is not None:
+    if logged:
         problem, sizes = None, {"d": logged}
         sections = {name: merged[name] for name in ("problem", "target", "tracker")}
+    elif logged == 0:
+        sections = {name: value for name, value in merged.items() if name != "tracker"}
     found: list[Fault] = []
     configuration: Configuration | None = None
     try:

@@ -32,6 +32,9 @@ class ReplaySection(Section):
         0.0, "Standard deviation in degrees of the heading, for bearings from the bow that say their own.", ge=0.0
     )
     latency_s: float = key(0.0, "Time in s by which a logged measurement is older than its time stamp.", ge=0.0)
+    export: Annotated[tuple[Literal["csv", "geojson", "gpx", "mcap", "page"], ...], BeforeValidator(as_tuples)] = key(
+        (), "Files of the tracks that are written; empty for all that can be."
+    )
     ahead_s: float = key(10.0, "Time in s by which a forecast is scored.", ge=0.0)
     score_from_s: float = key(30.0, "Time in s after the first bearing from which is scored.", ge=0.0)
     constant_range_m: NotNegativeNumbers = key((), "Constant ranges in m that are scored beside the trackers.")

@@ -35,6 +35,13 @@ class CsvLog:
     mapping
         What the columns hold; by default their names say it.
 
+    Attributes
+    ----------
+    mapping
+        What the columns hold.
+    in_utc
+        Whether times are dates.
+
     Raises
     ------
     ConfigurationError
@@ -57,6 +64,7 @@ class CsvLog:
             unit = CLOCKS[clock]
         else:
             self.mapping, clock, unit = _present(path, mapping, rows.names)
+        self.in_utc = unit == "utc"
         self._measurements = self.mapping.measurements
         cells = [[rows.names.index(name) for name in entry.fields] for entry in self._measurements]
         self._rows = rows.where(where, lambda row: any(not is_empty(row[at]) for group in cells for at in group[:1]))

@@ -115,7 +115,7 @@ def read_log(
             reader, ready = FORMATS.get(form, FORMATS[".db3"])
             raw, doubts = _read_messages(path, reader, given or load_mapping(ready), bearing_from, where or {}, topics)
             log, _ = assembled(raw, latency=latency, origin=origin, in_plane=in_plane, heading_std=heading_std)
-            return _with_warnings(log, [*doubts, *log.warnings])
+            return replace(log, warnings=(*doubts, *log.warnings), since_epoch=True)
         file = CsvLog(path, bearing_from, where or {}, given)
         log, rows = assembled(file.raw(), latency=latency, origin=origin, in_plane=in_plane, heading_std=heading_std)
     except ValueError as fault:
@@ -123,11 +123,8 @@ def read_log(
             raise
         raise ConfigurationError([f"{path}: {fault}"]) from fault
     seen = np.isfinite(log.bearings[:, 0])
-    return _with_warnings(log, [*log.warnings, *file.contact_warnings(rows[seen].tolist(), log.bearings[seen])])
-
-
-def _with_warnings(log: BearingLog, lines: Sequence[str]) -> BearingLog:
-    return replace(log, warnings=tuple(lines))
+    lines = file.contact_warnings(rows[seen].tolist(), log.bearings[seen])
+    return replace(log, warnings=(*log.warnings, *lines), since_epoch=file.in_utc)
 
 
 def _origin(origin_deg: Sequence[float] | None) -> LocalPlane | None:
