@@ -1,6 +1,7 @@
 """The same log in five formats and three frames gives the same track; what a log lacks is said in one line."""
 
 import math
+import re
 from pathlib import Path
 
 import log_writers as write
@@ -8,7 +9,15 @@ import numpy as np
 import pytest
 
 from gbt_ocp.experiments.config.faults import ConfigurationError
-from gbt_ocp.experiments.logs.mapping import load_mapping, ready_mappings
+from gbt_ocp.experiments.logs.csv_columns import known_columns
+from gbt_ocp.experiments.logs.mapping import (
+    HeadingEntry,
+    LogEntry,
+    MeasurementEntry,
+    PositionEntry,
+    load_mapping,
+    ready_mappings,
+)
 from gbt_ocp.experiments.logs.read import read_log
 from gbt_ocp.experiments.replay import replay
 
@@ -391,3 +400,37 @@ def test_bearings_from_the_bow_and_positions_on_the_globe_are_those_of_the_same_
     np.testing.assert_allclose(body.bearings, globe.bearings, atol=1e-5)  # north turns by so much over 60 m
     assert np.abs(body.own - globe.own).max() < 0.1  # they were laid out on a sphere, and this is an ellipsoid
     assert body.own[-1].tolist() == [17.4, 55.1]
+
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "howto" / "logs.md"
+
+
+def test_the_page_about_logs_says_what_is_so(tmp_path, monkeypatch, capsys):
+    """Its mappings load, and its table in German and its Python do what it says."""
+    text = PAGE.read_text(encoding="utf-8")
+    mappings = re.findall(r"^```yml\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    assert len(mappings) == 2
+    monkeypatch.chdir(tmp_path)
+    for name, mapping in zip(("sonar.yaml", "tabelle.yaml"), mappings, strict=True):
+        Path(name).write_text(mapping, encoding="utf-8")
+        load_mapping(name)
+    log = write.sailed(10.0)
+    columns = {"Zeit": 1000.0 * (log.times - log.times[0]), "Nord": log.own[:, 1], "Ost": log.own[:, 0]}
+    columns |= {"Peilung": np.rad2deg(log.bearing), "Fehler": np.full(len(log.times), 0.5)}
+    write.table("tabelle.csv", columns, delimiter=";", comma=True)
+    exec(re.search(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)[1], {})
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(log.times)
+    first = lines[0].split()
+    assert first[:2] == ["0.0", "azimuth"]
+    assert float(first[2]) == pytest.approx(log.azimuth[0], abs=1e-12)
+    # every column and key that the page names is one that is read
+    named = re.findall(r"^\| (`.*?)\|", text[text.index("## Columns") : text.index("## Ready")], re.MULTILINE)
+    words = [word for cell in named for word in re.findall(r"`(\w+)`", cell) if not word.startswith("_")]
+    assert len(words) > 25
+    assert known_columns(words) == len(words)
+    keys = {
+        name for section in (LogEntry, PositionEntry, HeadingEntry, MeasurementEntry) for name in section.model_fields
+    }
+    table = re.findall(r"^\| (`.*?)\|", text[text.index("| key | what |") :], re.MULTILINE)
+    assert {word for cell in table for word in re.findall(r"`(\w+)`", cell)} == keys - {"units", "std_units"}

@@ -122,7 +122,7 @@ def load_tracker(source: str | Path | Mapping[str, Any], overrides: Sequence[str
 def _checked(
     source: str | Path | Mapping[str, Any], overrides: Sequence[str], seed: int | None, logged: int | None
 ) -> Configuration:
-    """The configuration; with the dimension of a log, the tracker's section alone, and before it is known, 0, not it."""
+    """The configuration; with the dimension of a log, the tracker's section alone; with 0, all but that."""
     label, folder, name, text = _read(source)
     faults: list[str] = []
     layers = [_Layer(label, _written(text, label, faults))]
