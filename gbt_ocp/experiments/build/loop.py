@@ -38,18 +38,22 @@ from gbt_ocp.guidance.strategy import Guidance
 from gbt_ocp.guidance.water import InWater
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.contracts import ContractError, made, named
-from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenParameters, FossenVehicle
+from gbt_ocp.models.fossen import FossenParameters, FossenVehicle
+from gbt_ocp.models.known_vehicles import KNOWN_VEHICLES
 from gbt_ocp.models.model_checks import check_target, check_vehicle
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target, TrackTarget, case_target
 from gbt_ocp.models.turning import TurningTarget
 from gbt_ocp.models.vehicles import Vehicle
-from gbt_ocp.ocp import Planner, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp import Planner, ThrustEffort, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.follower import BANDWIDTH
 from gbt_ocp.ocp.problem_data import joined_derivatives
 from gbt_ocp.simulation.loop import ClosedLoop
 from gbt_ocp.tracking.protocol import PositionTracker, Tracker
 from gbt_ocp.typing import Array
+
+EFFORT_NODES = 2
+"""Intervals a piece over which the effort is summed: it is a parabola in the thrust, which varies little in one."""
 
 
 @dataclass(frozen=True)
@@ -132,8 +136,8 @@ def build_vehicle(configuration: Configuration) -> Vehicle:
             given.mass, given.inertia, given.added_mass, given.linear_drag, given.quadratic_drag
         )
     else:
-        parameters = FALCON_2D if configuration.dimension == 2 else FALCON_3D
-    return FossenVehicle(parameters, section.thrust_max)
+        parameters = KNOWN_VEHICLES[given].parameters(configuration.dimension)
+    return FossenVehicle(parameters, section.thrust_max, section.thrust_min)
 
 
 def paced(configuration: Configuration, desired: DesiredBearing, vehicle: Vehicle) -> DesiredBearing | PacedBearing:
@@ -182,6 +186,9 @@ def build_problem(configuration: Configuration, vehicle: Vehicle, current: Curre
         problem = problem.subject_to(limit, nodes=section.nodes)
     else:
         problem = problem.subject_to_penalty(limit, weight=section.weight, width=section.width, nodes=section.nodes)
+    if section.effort > 0.0:
+        effort, width = ThrustEffort(vehicle), ThrustEffort.WIDTH
+        problem = problem.subject_to_penalty(effort, weight=4.0 * section.effort, width=width, nodes=EFFORT_NODES)
     problem = with_limits(problem, configuration.limits, current)
     more = configuration.problem_object.constrain
     if more is None:

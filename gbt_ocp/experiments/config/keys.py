@@ -62,10 +62,12 @@ Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 PositiveNumbers = Annotated[tuple[Positive, ...], Field(min_length=1), BeforeValidator(as_tuples)]
 NotNegativeNumbers = Annotated[tuple[NotNegative, ...], BeforeValidator(as_tuples)]
+NegativeNumbers = Annotated[tuple[Annotated[float, Field(lt=0.0)], ...], BeforeValidator(as_tuples)]
 Numbers = Annotated[tuple[float, ...], BeforeValidator(as_tuples)]
 PositionNumbers = Annotated[Numbers, sized("d"), InWords("{d} numbers")]
 InputNumbers = Annotated[Numbers, sized("n"), InWords("{n} numbers")]
 PositiveInputNumbers = Annotated[PositiveNumbers, sized("n"), InWords("{n} numbers > 0")]
+NegativeInputNumbers = Annotated[NegativeNumbers, sized("n"), InWords("{n} numbers < 0")]
 NotNegativeInputNumbers = Annotated[NotNegativeNumbers, sized("n"), InWords("{n} numbers >= 0")]
 Covariance = Annotated[
     tuple[tuple[float, ...], ...],

@@ -20,34 +20,13 @@ from gbt_ocp.experiments.build.tracker_kinds import TRACKERS, kept_keys
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config import yaml_dialect as dialect
 from gbt_ocp.experiments.config.consistency import extremes, inconsistencies, without_effect
+from gbt_ocp.experiments.config.defaults import DIMENSION_DEFAULTS, PRESETS
 from gbt_ocp.experiments.config.faults import NOTHING, ConfigurationError, Fault, shown, value_at
 from gbt_ocp.experiments.config.schema import Configuration, is_text
 from gbt_ocp.experiments.config.tracker import TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.validation import faults_of
-
-PRESETS: dict[str, dict[str, Any]] = {
-    "default": {},
-    "paper": {
-        "tracker": {"centre": "origin", "amplitude": 1.0, "nugget": 1.0e-8, "noise": None, "prior": None},
-        "planner": {"range_pull": 0.02},
-        "desired_bearing": {"speed_mps": None},
-    },
-}
-"""What a preset fills in (docs/paper.md, E7 and E8); `default` is the defaults of the models."""
-
-_DIMENSION_DEFAULTS: dict[int, dict[str, Any]] = {
-    2: {
-        "tracker": {"kind": "gp", "window": 20},
-        "desired_bearing": {"m": 10},
-        "vehicle": {"kind": "fossen", "thrust_max": [5000.0, 5000.0, 1500.0]},
-    },
-    3: {
-        "tracker": {"kind": "gp", "window": 12},
-        "desired_bearing": {"m": 4, "axis": [0.0, 0.0, 1.0]},
-        "vehicle": {"kind": "fossen", "thrust_max": [5000.0, 5000.0, 5000.0, 1500.0]},
-    },
-}
+from gbt_ocp.models.known_vehicles import KNOWN_VEHICLES
 
 # Of two keys that say the same thing, the one in the stronger layer replaces the other.
 _ALTERNATIVES: dict[tuple[str, ...], tuple[str, str]] = {
@@ -57,7 +36,7 @@ _ALTERNATIVES: dict[tuple[str, ...], tuple[str, str]] = {
 
 # Another kind brings other keys; these belong to every kind of their section and stay.
 _SHARED: dict[tuple[str, ...], tuple[str, ...]] = {
-    ("vehicle",): ("start", "follow", "follow_bandwidth"),
+    ("vehicle",): ("start", "follow", "follow_bandwidth", "hotel_w"),
 }
 
 
@@ -255,7 +234,8 @@ def _beneath(
 ) -> list[_Layer]:
     """Layers weaker than what is written."""
     # Without a problem the rest is still checked, as far as that needs no dimension.
-    layers = [_Layer("defaults", _DIMENSION_DEFAULTS[logged or (problem.dimension if problem else 2)])]
+    dimension = logged or (problem.dimension if problem else 2)
+    layers = [_Layer("defaults", DIMENSION_DEFAULTS[dimension]), _limits_of_vehicle(problem, written, dimension)]
     if problem is None:
         layers.append(_Layer("defaults", {"target": {"kind": "case2"}}))
     else:
@@ -275,6 +255,16 @@ def _beneath(
     if isinstance(preset, str) and preset in PRESETS:
         layers.append(_Layer(f"preset {preset}", PRESETS[preset]))
     return layers
+
+
+def _limits_of_vehicle(problem: TrackingProblem | None, written: Mapping[str, Any], dimension: int) -> _Layer:
+    """The limits of the thrust of the vehicle that is named; the Falcon's for coefficients without a name."""
+    given = [value_at(values, ("vehicle", "parameters")) for values in (problem.defaults if problem else {}, written)]
+    named = [name for name in given if isinstance(name, str) and name in KNOWN_VEHICLES]
+    name = named[-1] if named and named[-1] == [value for value in given if value is not NOTHING][-1] else "falcon"
+    lower, upper = KNOWN_VEHICLES[name].limits(dimension)
+    limits = {"thrust_max": upper} | ({} if lower is None else {"thrust_min": lower})
+    return _Layer(f"vehicle {name}", {"vehicle": limits})
 
 
 def _complete(merged: dict[str, Any], folder: Path, problem: TrackingProblem | None) -> None:

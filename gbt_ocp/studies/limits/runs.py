@@ -52,6 +52,7 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
         versions=installed_versions(),
         forecast_period=configuration.forecast_period,
         standoff=configuration.standoff,
+        hotel_w=configuration.vehicle.hotel_w,
     )
     settled = history.condition_number[history.t >= settling - 1e-9]
     times = 1e3 * history.solver_time[history.planned]
