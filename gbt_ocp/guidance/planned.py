@@ -17,7 +17,7 @@ from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.shooting import ShootingPlanner
-from gbt_ocp.tracking.protocol import Forecast, JointForecast
+from gbt_ocp.tracking.protocol import Forecast, JointForecast, WeighedForecasts
 from gbt_ocp.typing import Array
 
 
@@ -45,6 +45,8 @@ class PlannedMotion:
         Where bearings are kept for an objective that counts those of the window.
     joint
         What the tracker knows of the positions at the endpoints together, for an objective that needs it.
+    hypotheses
+        What each of the tracker's hypotheses predicts, for a limit that needs it.
 
     Raises
     ------
@@ -62,6 +64,7 @@ class PlannedMotion:
         begin_at_sight: bool = False,
         past: PastBearings | None = None,
         joint: Callable[[ArrayLike], Any] | None = None,
+        hypotheses: Callable[[ArrayLike], WeighedForecasts] | None = None,
     ) -> None:
         self.planner = planner
         self.desired = desired
@@ -70,6 +73,7 @@ class PlannedMotion:
         self._begin_at_sight = begin_at_sight
         self._past = past
         self._joint = joint
+        self._hypotheses = hypotheses
         self._seen: Array | None = None
         self._plan: Plan | None = None
         self._followed = 0
@@ -150,9 +154,21 @@ class PlannedMotion:
                 self._legs_begun = True
                 self.desired = self.desired.reversing_from(time, line, self._relative_velocity(flat, forecast))
             self.desired = self.desired.beginning_at(time, line)
-        plan = self.planner.solve(_continued(flat, problem.joined), **self._data(time, forecast, self._joint))
+        data = self._data(time, forecast, self._joint)
+        if self._hypotheses is not None:
+            data["hypotheses"] = self._around(time, forecast, self._hypotheses)
+        plan = self.planner.solve(_continued(flat, problem.joined), **data)
         self._plan, self._followed = plan if isinstance(plan, Plan) else None, 0
         return plan
+
+    def _around(
+        self, time: float, forecast: Forecast, predict: Callable[[ArrayLike], WeighedForecasts]
+    ) -> WeighedForecasts:
+        """The hypotheses at the knots, moved to where the forecast is: it may be in a frame of its own."""
+        knots = self.planner.problem.pieces + 1
+        weights, means, covariances = predict(time + self.planner.problem.period * np.arange(knots))
+        moved = forecast.mean[:: self._stride][:knots] - np.einsum("m,mkd->kd", weights, means)
+        return WeighedForecasts(weights, means + moved, covariances)
 
     def _relative_velocity(self, flat: Array, forecast: Forecast) -> Array:
         """Of the target relative to the vehicle, over the first piece ``(d,)`` in m/s."""

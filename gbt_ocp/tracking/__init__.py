@@ -17,8 +17,10 @@ from gbt_ocp.tracking.protocol import (
     GaussianProcess,
     JointForecast,
     JointlyGaussian,
+    KeepsHypotheses,
     PositionTracker,
     Tracker,
+    WeighedForecasts,
 )
 from gbt_ocp.tracking.shape.processes import ShapePrior
 from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
@@ -35,6 +37,7 @@ __all__ = [
     "ImmPseudoLinearTracker",
     "JointForecast",
     "JointlyGaussian",
+    "KeepsHypotheses",
     "LogNormal",
     "MixtureTracker",
     "MotionPriors",
@@ -48,4 +51,5 @@ __all__ = [
     "RangedPrior",
     "ShapePrior",
     "Tracker",
+    "WeighedForecasts",
 ]
