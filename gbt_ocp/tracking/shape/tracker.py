@@ -21,7 +21,7 @@ from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.polar import ALL_KINDS, WITHOUT_SIZE, checked_sighting
 from gbt_ocp.tracking.priors import LogNormal, PositionPrior
-from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, relative_range_std
+from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, WeighedForecasts, relative_range_std
 from gbt_ocp.tracking.shape.fit import Known, Sightings, fit, sightings_root
 from gbt_ocp.tracking.shape.further import further_sightings
 from gbt_ocp.tracking.shape.hypotheses import MotionHypotheses, MotionHypothesis, cold_starts, competed
@@ -336,6 +336,18 @@ class MotionShapeTracker(RestartingTracker):
                 self._behind = moments_behind(self._shape, *found.likely)
             mean[~ahead], covariance[~ahead] = self._behind.at(lag[~ahead])
         return Forecast(self._own + mean, covariance)
+
+    def hypotheses_at(self, times: ArrayLike) -> WeighedForecasts:
+        """What each of the distinct motions that fit predicts, at times ``(K,)`` that are not past."""
+        t = np.atleast_1d(np.asarray(times, dtype=float))
+        if self._found is None:
+            return WeighedForecasts(np.ones(1), *(values[None] for values in self._unseen(len(t))))
+        lag = np.maximum(t - self._now, 0.0)
+        horizon = min(float(lag.max()), self._shape.longest_ahead)
+        weights, parts = self._found.likely_motions
+        found = [moments_ahead(self._shape, fitted, share, horizon).at(lag) for fitted, share in parts]
+        means, covariances = (np.array(values) for values in zip(*found, strict=True))
+        return WeighedForecasts(weights, self._own + means, covariances)
 
     def _unseen(self, count: int) -> Forecast:
         if self._position.known is not None:
