@@ -28,6 +28,7 @@ PLACES = {
     "ocp": (0.5, 6),
     "tracking": (1.5, 6),
     "models": (1, 7),
+    "frames": (2.5, 7),
     "files": (0.5, 8),
     "typing": (1.5, 8),
 }

@@ -18,8 +18,10 @@ from gbt_ocp.tracking.protocol import (
     GaussianProcess,
     JointForecast,
     JointlyGaussian,
+    KeepsHypotheses,
     PositionTracker,
     Tracker,
+    WeighedForecasts,
 )
 from gbt_ocp.tracking.shape.processes import ShapePrior
 from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
@@ -36,6 +38,7 @@ __all__ = [
     "ImmPseudoLinearTracker",
     "JointForecast",
     "JointlyGaussian",
+    "KeepsHypotheses",
     "LogNormal",
     "MixtureTracker",
     "MotionPriors",
@@ -50,6 +53,7 @@ __all__ = [
     "ShapePrior",
     "SightingTracker",
     "Tracker",
+    "WeighedForecasts",
     "take_in",
     "taken_kinds",
 ]

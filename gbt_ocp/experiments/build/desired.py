@@ -40,7 +40,7 @@ def shortest_turn(configuration: Configuration, vehicle: Vehicle) -> float:
 
 
 def build_desired_bearing(configuration: Configuration, vehicle: Vehicle) -> DesiredBearing:
-    """λ*(t): ω = 2π/(T m), one turn in ``period_s``, or the fastest turn that the vehicle keeps up.
+    """λ*(t): ω = 2π/(T m), one turn in ``period_s``, or the fastest turn that the vehicle keeps up; with reversals.
 
     Raises
     ------
@@ -55,7 +55,12 @@ def build_desired_bearing(configuration: Configuration, vehicle: Vehicle) -> Des
     else:
         assert section.m is not None, "checked when the configuration was read"
         turn = configuration.period_s * section.m
-    return DesiredBearing(configuration.dimension, 2.0 * math.pi / turn, section.axis or (0.0, 0.0, 1.0))
+    return DesiredBearing(
+        configuration.dimension,
+        2.0 * math.pi / turn,
+        section.axis or (0.0, 0.0, 1.0),
+        reverse=section.reverse_s or math.inf,
+    )
 
 
 def unreachable_bearings(configuration: Configuration, vehicle: Vehicle) -> list[str]:
