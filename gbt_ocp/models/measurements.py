@@ -58,6 +58,8 @@ class Sighting:
         Of the sensor ``(d,)`` in metres.
     sensor
         Its name.
+    direction
+        The unit vector ``(d,)`` of the angles where it is known better than from them; ``None`` otherwise.
     """
 
     time: float
@@ -66,6 +68,22 @@ class Sighting:
     std: Array
     position: Array
     sensor: str
+    direction: Array | None = None
+
+    @classmethod
+    def of_bearing(cls, time: float, bearing: Array, position: Array, sensor: str = "sensor") -> Sighting:
+        """The sighting of a unit vector ``(d,)``, of unstated deviation, from a position ``(d,)`` in metres."""
+        angles = [np.arctan2(bearing[1], bearing[0])]
+        if bearing.size == 3:
+            angles.append(np.arctan2(bearing[2], np.hypot(bearing[0], bearing[1])))
+        kind: MeasurementKind = "azimuth" if bearing.size == 2 else "azimuth_elevation"
+        std = np.full(len(angles), np.nan)
+        return cls(time, kind, np.array(angles), std, position, sensor, bearing)
+
+    @property
+    def directed(self) -> bool:
+        """Whether the kind gives a direction in this number of dimensions."""
+        return (self.kind, self.position.size) in (("azimuth", 2), ("azimuth_elevation", 3))
 
     @property
     def bearing(self) -> Array:
@@ -77,8 +95,10 @@ class Sighting:
             If the kind does not give a direction in this number of dimensions.
         """
         dimension = self.position.size
-        if (self.kind, dimension) not in (("azimuth", 2), ("azimuth_elevation", 3)):
+        if not self.directed:
             raise ValueError(f"kind: a measurement of kind '{self.kind}' is not a bearing in {dimension} dimensions")
+        if self.direction is not None:
+            return self.direction
         level = np.array([np.cos(self.value[0]), np.sin(self.value[0])])
         if dimension == 2:
             return level

@@ -9,9 +9,10 @@ import casadi as ca
 import numpy as np
 
 from gbt_ocp.models.vehicles import Vehicle, acceleration
-from gbt_ocp.ocp.follower import BANDWIDTH, Follower, samples
+from gbt_ocp.ocp.follower import BANDWIDTH, samples
 from gbt_ocp.ocp.plan import Plan
-from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory
+from gbt_ocp.ocp.trajectory import FlatTrajectory
+from gbt_ocp.pilot.plan_follower import PlanFollower, point_of
 from gbt_ocp.simulation.plant import Motion, Plant
 from gbt_ocp.typing import Array
 
@@ -93,7 +94,7 @@ class Mover:
         self._period = period
         self._follow = follow
         self._motion = Motion(Plant(vehicle) if plant is None else plant)
-        self._follower = Follower(vehicle, bandwidth)
+        self._follower = PlanFollower(vehicle, bandwidth)
         n = vehicle.flat_dimension
         z, dz, ddz = (ca.SX.sym(name, n) for name in ("z", "dz", "ddz"))
         self._thrust_at = ca.Function("thrust", [z, dz, ddz], [vehicle.inputs(z, dz, ddz)])
@@ -118,7 +119,7 @@ class Mover:
             return Move(end, self._vehicle.state(end[0], end[1]), thrust[0], peak, off_plan=0.0, thrust_mean=mean)
 
         def applied(s: float) -> Array:
-            wanted = np.asarray(self._thrust_at(*_point(through, s))).ravel()
+            wanted = np.asarray(self._thrust_at(*point_of(through, s))).ravel()
             return np.asarray(np.clip(wanted, -limit, limit))
 
         reached = self._motion.advance(state, applied, self._period)
@@ -151,16 +152,13 @@ class Mover:
 
     def _led_back(self, state: Array, piece: FlatTrajectory, water: Array, clipped: bool) -> Move:
         """Follow a piece with feedback, whose thrust is held between its samples, in the frame of the water."""
-        through, d = piece.moving(-water), len(water)
+        through = piece.moving(-water)
         count = samples(self._period)
         step = self._period / count
         asked: list[Array] = []
         for number in range(count):
-            now, middle = _point(through, number * step), _point(through, (number + 0.5) * step)
-            z, dz = (values.copy() for values in self._vehicle.flat(state))
-            z[:d] -= number * step * water
-            dz[:d] -= water
-            asked.append(self._follower.thrust(now, middle, z, dz))
+            now, middle = number * step, (number + 0.5) * step
+            asked.append(self._follower.thrust(through, now, middle, water, *self._vehicle.flat(state)))
             state = self._motion.advance(state, lambda s, held=asked[-1]: held, step)  # type: ignore[misc]
         peak = np.max(np.abs(asked), axis=0) / self._vehicle.thrust_max
         return self._moved(state, piece, asked[0], peak, clipped, np.mean(asked, axis=0))
@@ -173,8 +171,3 @@ class Mover:
         d = self._vehicle.position_dimension
         off = float(np.linalg.norm(z[:d] - planned[0, :d]))
         return Move(np.vstack([z, dz, planned[2:]]), state, thrust, peak, clipped, off, mean)
-
-
-def _point(piece: FlatTrajectory, s: float) -> FlatPoint:
-    """z, ż, z̈ after ``s`` seconds of a trajectory of one piece."""
-    return FlatPoint(*(piece(s, order) for order in range(3)))
