@@ -20,12 +20,15 @@ from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.tracking.protocol import Forecast, JointForecast
 from gbt_ocp.typing import Array
 
+ON_SCHEDULE = 1.0e-6
+"""Deviation in seconds up to which a step counts as one on time."""
+
 
 class PlannedMotion:
     """Solves the trajectory problem whenever a piece is through, for the forecast and the desired bearings at its ends.
 
     With pieces of one sampling period that is at every step, as in the paper; with longer ones the plan is followed on
-    in between.
+    in between. Steps need not come on time: the next plan is made at the one nearest to the end of a piece.
 
     Parameters
     ----------
@@ -71,7 +74,7 @@ class PlannedMotion:
         self._joint = joint
         self._seen: Array | None = None
         self._plan: Plan | None = None
-        self._followed = 0
+        self._planned_at = 0.0
 
     def see(self, bearing: Array | None) -> None:
         """Take note of the bearing ``(d,)`` measured now, before the decision."""
@@ -128,11 +131,11 @@ class PlannedMotion:
         """The plan from ``time`` on."""
         self.remember(time, flat, forecast)
         problem = self.planner.problem
-        self._followed += 1
-        if self._plan is not None and self._followed < self._steps:
+        elapsed, steps = self._elapsed(time)
+        if self._plan is not None and steps < self._steps:
             return replace(
                 self._plan,
-                elapsed=self._followed * problem.period / self._steps,
+                elapsed=elapsed,
                 status="",
                 fallback="",
                 iterations=0,
@@ -145,8 +148,15 @@ class PlannedMotion:
         elif self._begin_at_sight:
             self.desired = self.desired.beginning_at(time, line)
         plan = self.planner.solve(_continued(flat, problem.joined), **self._data(time, forecast, self._joint))
-        self._plan, self._followed = plan if isinstance(plan, Plan) else None, 0
+        self._plan, self._planned_at = plan if isinstance(plan, Plan) else None, time
         return plan
+
+    def _elapsed(self, time: float) -> tuple[float, int]:
+        """Seconds since the last plan, and how many steps they are."""
+        since, period = time - self._planned_at, self.planner.problem.period
+        count = round(since * self._steps / period)
+        on_time = count * period / self._steps  # a time k T is rounded
+        return (on_time if abs(since - on_time) <= ON_SCHEDULE else since), count
 
 
 def _continued(flat: Array, joined: int) -> Array:

@@ -7,6 +7,9 @@ from gbt_ocp.ocp.follower import BANDWIDTH, Follower
 from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory
 from gbt_ocp.typing import Array
 
+ON_PLAN = 1.0e-6
+"""Distance from a plan (m, rad, and per second) that counts as on it."""
+
 
 def point_of(trajectory: FlatTrajectory, s: float) -> FlatPoint:
     """z, ż, z̈ after ``s`` seconds of a trajectory."""

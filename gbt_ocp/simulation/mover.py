@@ -12,7 +12,7 @@ from gbt_ocp.models.vehicles import Vehicle, acceleration
 from gbt_ocp.ocp.follower import BANDWIDTH, samples
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.pilot.plan_follower import PlanFollower, point_of
+from gbt_ocp.pilot.plan_follower import ON_PLAN, PlanFollower, point_of
 from gbt_ocp.simulation.plant import Motion, Plant
 from gbt_ocp.typing import Array
 
@@ -21,9 +21,6 @@ GRID = 101
 
 ROUND_OFF = 1.0e-9
 """Relative excess of a thrust over its limit that counts as round-off."""
-
-ON_PLAN = 1.0e-6
-"""Distance from a plan (m, rad, and per second) that counts as on it."""
 
 
 @dataclass(frozen=True)
