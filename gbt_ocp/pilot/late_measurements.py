@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-import pickle
 from collections.abc import Iterable
 from operator import attrgetter
+from typing import Any
 
 from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.pilot.online_loop import OnlineLoop
@@ -34,7 +34,7 @@ class OrderedIntake:
         self._skeleton = Skeleton()
         self._skeleton.explore(online.tracker)
         self._taken: list[Sighting] = []
-        self._states: list[tuple[float, bytes]] = []
+        self._states: list[tuple[float, dict[str, dict[str, Any]]]] = []
         self.latest = -math.inf
         self._keep_state()
 
@@ -51,17 +51,14 @@ class OrderedIntake:
                 continue
             self._taken.append(sighting)
             self.latest = sighting.time
-            if self._states and sighting.time - self._states[-1][0] >= 0.5 * self._late:
+            if self._states and sighting.time - self._states[-1][0] >= self._late:
                 self._keep_state()
         return refused
 
     def _keep_state(self) -> None:
         """Keep the tracker's state, and forget what is older than a late measurement can be."""
         if self._late > 0.0:
-            try:
-                self._states.append((self.latest, self._skeleton.taken()))
-            except (TypeError, AttributeError, pickle.PicklingError):
-                self._late, self._states = 0.0, []  # it cannot be set back
+            self._states.append((self.latest, self._skeleton.remembered()))
         while len(self._states) > 1 and self._states[1][0] <= self.latest - self._late:
             del self._states[0]
         oldest = self._states[0][0] if self._states else math.inf
@@ -77,7 +74,7 @@ class OrderedIntake:
         while self._states[-1][0] >= fresh[0].time:
             del self._states[-1]
         self.latest, state = self._states[-1]
-        self._skeleton.put_back(state)
+        self._skeleton.remember(state)
         again = [sighting for sighting in self._taken if sighting.time > self.latest]
         self._taken = [sighting for sighting in self._taken if sighting.time <= self.latest]
         return sorted([*again, *fresh], key=_BY_TIME), refused

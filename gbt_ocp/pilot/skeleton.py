@@ -13,6 +13,7 @@ import io
 import pickle
 from collections import deque
 from collections.abc import Iterator
+from copy import deepcopy
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
 from typing import Any
 
@@ -21,6 +22,7 @@ import numpy as np
 _FIXED = (type, ModuleType, FunctionType, BuiltinFunctionType, MethodType, ctypes.CDLL)
 _BY_VALUE = (str, bytes, int, float, complex, bool, type(None), np.ndarray, np.generic, np.random.Generator)
 _CONTAINERS = (list, tuple, deque, set, frozenset)
+_SHARED = frozenset((str, bytes, int, float, complex, bool, type(None), np.ndarray, np.float64, np.int64, np.bool_))
 
 
 def _is_fixed(value: Any) -> bool:
@@ -71,8 +73,57 @@ class Skeleton:
                 reached.extend((f"{place}.{name}", value) for name, value in _held(one))
         self._remembering = {place: one for place, one in self._objects.items() if not _is_fixed(one)}
 
+    def remembered(self) -> dict[str, dict[str, Any]]:
+        """A copy of what the objects remember now, by their places.
+
+        Arrays that stand in containers, and frozen objects, are not copied: they are taken as what is never written to.
+        """
+        known: dict[int, Any] = {}
+        return {place: self._copied(_attributes(one), known) for place, one in self._remembering.items()}
+
+    def remember(self, memory: dict[str, dict[str, Any]]) -> None:
+        """Have the objects remember a copy of what :meth:`remembered` gave."""
+        known: dict[int, Any] = {}
+        for place, attributes in memory.items():
+            _set_attributes(self._remembering[place], self._copied(attributes, known))
+
+    def _copied(self, one: Any, known: dict[int, Any]) -> Any:
+        kind = type(one)
+        if kind in _SHARED or id(one) in self._places:
+            return one
+        if id(one) in known:
+            return known[id(one)][1]
+        made: Any = one
+        if kind is dict:
+            made = {
+                name: item.copy() if type(item) is np.ndarray else self._copied(item, known)
+                for name, item in one.items()
+            }
+        elif kind in (list, deque, set, tuple):
+            if not _SHARED.issuperset(map(type, one)):
+                items = [self._copied(item, known) for item in one]
+                made = deque(items, one.maxlen) if kind is deque else kind(items)
+            elif kind is not tuple:
+                made = one.copy()
+        else:
+            made = self._copied_object(one, known)
+        known[id(one)] = (one, made)  # which holds it, so that no other gets its number
+        return made
+
+    def _copied_object(self, one: Any, known: dict[int, Any]) -> Any:
+        kind = type(one)
+        if isinstance(one, tuple) and hasattr(kind, "_make"):
+            return kind._make(self._copied(item, known) for item in one)
+        if isinstance(one, np.random.Generator | dict | list | set | deque):
+            return deepcopy(one)
+        if _is_fixed(one) or getattr(getattr(kind, "__dataclass_params__", None), "frozen", False):
+            return one
+        made = object.__new__(kind)
+        _set_attributes(made, self._copied(_attributes(one), known))
+        return made
+
     def taken(self) -> bytes:
-        """What the objects remember now.
+        """What the objects remember now, written.
 
         Raises
         ------
@@ -102,10 +153,14 @@ class Skeleton:
         if not isinstance(found, dict) or found.keys() != self._remembering.keys():
             raise ValueError("memory: found that of other parts; allowed: that of the same parts")
         for place, attributes in found.items():
-            one = self._remembering[place]
-            getattr(one, "__dict__", {}).clear()
-            for name, value in attributes.items():
-                object.__setattr__(one, name, value)  # those of frozen objects too
+            _set_attributes(self._remembering[place], attributes)
+
+
+def _set_attributes(one: Any, attributes: dict[str, Any]) -> None:
+    """Have an object hold these attributes and no others, be it frozen."""
+    getattr(one, "__dict__", {}).clear()
+    for name, value in attributes.items():
+        object.__setattr__(one, name, value)
 
 
 def _held(one: Any) -> Iterator[tuple[str, Any]]:
