@@ -7,6 +7,7 @@ counter-clockwise, an elevation from the horizontal upwards. All are in radians,
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
@@ -185,7 +186,7 @@ class Measurement:
                     f"direction: found {self.direction!r}; allowed: the unit vector of the angles, or none"
                 )
 
-    @property
+    @cached_property
     def components(self) -> Array:
         """The value as an array ``(m,)``."""
         found = np.atleast_1d(np.asarray(self.value, dtype=float))
@@ -210,7 +211,7 @@ class Measurement:
             arm = vector("mounting.position", mounting.position, position.size)
             position[:2] += _turned(arm[:2], yaw)
             position[2:] += arm[2:]
-        value = self.components
+        value = self.components.copy()
         direction = None if self.direction is None else np.array(self.direction, dtype=float)
         std = np.full(value.size, np.nan)
         if self.std is not None:

@@ -119,6 +119,7 @@ class Piloting:
         self._decided: Decided | None = None
         self._through: FlatTrajectory | None = None
         self._planned: Plan | ShootingPlan | None = None
+        self._range_known = False
         self._thrusts: deque[tuple[float, Array]] = deque()
         self._learnt: OwnState | None = None
 
@@ -216,11 +217,8 @@ class Piloting:
         thrust = self._thrust(decided, t, hold, z, dz)
         if thrust is not None:
             self._thrusts.append((t, thrust))
-        forecast, d = decided.forecast, self._size - 1
-        spread = relative_range_std(forecast.mean[0], forecast.covariance[0], own.pose[:d])
-        known = bool(spread < RANGE_OBSERVABLE)
         self._now = t
-        self._last = PilotCommand(t, thrust, known, self._health(t), decided, self.parts.vehicle, period)
+        self._last = PilotCommand(t, thrust, self._range_known, self._health(t), decided, self.parts.vehicle, period)
         return self._last
 
     def _settle(self, time: float, intake: OrderedIntake) -> None:
@@ -244,14 +242,20 @@ class Piloting:
     def _decide(self, time: float, z: Array, dz: Array) -> None:
         self._learn()
         decided = self._online.decide(time, self._flat(time, z, dz))
-        self._watch.forecast(decided.times, decided.forecast, z[: self._size - 1])
+        forecast, place = decided.forecast, z[: self._size - 1]
+        self._watch.forecast(decided.times, forecast, place)
+        spread = relative_range_std(forecast.mean[0], forecast.covariance[0], place)
+        self._range_known = bool(spread < RANGE_OBSERVABLE)
         plan = decided.plan
         if plan is not None and plan.status:
             self._planned = plan
         self._decided, self._through = decided, None
 
     def _flat(self, time: float, z: Array, dz: Array) -> Array:
-        """Derivatives of the flat output now; the plan's own where the vehicle is on its plan, and all above ż."""
+        """Derivatives of the flat output now: the plan's own on a step on time where the vehicle is on its plan.
+
+        Otherwise those above the rate are the plan's.
+        """
         measured = np.array([z, dz, *(np.zeros_like(z) for _ in range(self._joined - 2))])
         before = self._decided
         if before is None or not isinstance(before.decision, Plan):
@@ -259,11 +263,10 @@ class Piloting:
         trajectory, elapsed, since = before.decision.trajectory, before.decision.elapsed, time - before.time
         if abs(since - self.parts.period) <= ON_SCHEDULE:
             planned: Array = trajectory.segment(elapsed, self.parts.period).knots[1]
-        else:
-            planned = np.array([trajectory(elapsed + since, order) for order in range(self._joined)])
-        if np.abs(planned[:2] - measured[:2]).max() <= ON_PLAN:
-            return planned
-        measured[2:] = planned[2:]
+            if np.abs(planned[:2] - measured[:2]).max() <= ON_PLAN:
+                return planned
+        for order in range(2, self._joined):
+            measured[order] = trajectory(elapsed + since, order)
         return measured
 
     def _learn(self) -> None:

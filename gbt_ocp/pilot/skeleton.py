@@ -22,7 +22,9 @@ import numpy as np
 _FIXED = (type, ModuleType, FunctionType, BuiltinFunctionType, MethodType, ctypes.CDLL)
 _BY_VALUE = (str, bytes, int, float, complex, bool, type(None), np.ndarray, np.generic, np.random.Generator)
 _CONTAINERS = (list, tuple, deque, set, frozenset)
-_SHARED = frozenset((str, bytes, int, float, complex, bool, type(None), np.ndarray, np.float64, np.int64, np.bool_))
+_NEVER_WRITTEN = frozenset(
+    (str, bytes, int, float, complex, bool, type(None), np.ndarray, np.float64, np.int64, np.bool_)
+)
 
 
 def _is_fixed(value: Any) -> bool:
@@ -89,7 +91,7 @@ class Skeleton:
 
     def _copied(self, one: Any, known: dict[int, Any]) -> Any:
         kind = type(one)
-        if kind in _SHARED or id(one) in self._places:
+        if kind in _NEVER_WRITTEN or id(one) in self._places:
             return one
         if id(one) in known:
             return known[id(one)][1]
@@ -100,7 +102,7 @@ class Skeleton:
                 for name, item in one.items()
             }
         elif kind in (list, deque, set, tuple):
-            if not _SHARED.issuperset(map(type, one)):
+            if not _NEVER_WRITTEN.issuperset(map(type, one)):
                 items = [self._copied(item, known) for item in one]
                 made = deque(items, one.maxlen) if kind is deque else kind(items)
             elif kind is not tuple:
