@@ -29,6 +29,7 @@ PLACES = {
     "ocp": (0.5, 7),
     "tracking": (1.5, 7),
     "models": (1, 8),
+    "frames": (2.5, 8),
     "files": (0.5, 9),
     "typing": (1.5, 9),
 }

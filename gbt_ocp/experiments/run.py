@@ -23,6 +23,7 @@ from gbt_ocp.experiments.noise_check import run_noise_warnings
 from gbt_ocp.experiments.result import Result
 from gbt_ocp.guidance.startup import planner_of
 from gbt_ocp.guidance.strategy import Guidance
+from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.ocp.codegen.library import CompilerError
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
@@ -106,7 +107,7 @@ def run(
     ]
     for line in doubts:
         warnings.warn(f"{configuration.name}: {line}", RuntimeWarning, stacklevel=2)
-    period = configuration.sensor.period_s
+    period = configuration.period_s
     steps = step_count(configuration.duration_s, period)
     with (
         interrupted_between_steps() as check,
@@ -138,6 +139,7 @@ def run(
         versions=installed_versions(),
         forecast_period=configuration.forecast_period,
         standoff=configuration.standoff,
+        hotel_w=configuration.vehicle.hotel_w,
     )
     # the configuration has `auto`, which does not name the solver that was chosen
     planner = planner_of(loop.guidance)
@@ -149,5 +151,6 @@ def run(
         warnings.warn(f"{configuration.name}: {line}", RuntimeWarning, stacklevel=2)
     summary["warnings"] = [*doubts, *afterwards]
     # the configuration has no limits of a problem's own vehicle
-    summary["thrust_max"] = loop.vehicle.thrust_max.tolist()
+    limits = ThrustRange.of(loop.vehicle)
+    summary["thrust_max"], summary["thrust_min"] = limits.upper.tolist(), limits.lower.tolist()
     return Result(configuration, history, summary)

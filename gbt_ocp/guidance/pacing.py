@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sizes import positive
+from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.typing import Array
 
@@ -42,6 +44,7 @@ class PacedBearing:
 
     def __init__(self, desired: DesiredBearing, speed: float) -> None:
         self._desired = desired
+        self._steady = replace(desired, reverse=math.inf)
         self._speed = positive("speed", speed) / (1.0 if desired.dimension == 2 else np.sqrt(6.0) / 3.0)
         self._time = 0.0
         self._phase = 0.0
@@ -49,14 +52,18 @@ class PacedBearing:
 
     def pace(self, time: float, distance: float) -> None:
         """From ``time`` in seconds on, turn as fast as a target at the distance in metres allows."""
-        self._phase += self._pace * (time - self._time)
+        self._phase += self._pace * float(self._since(time))
         self._time = time
         asked = self._desired.rate * max(distance, 1e-9)
         self._pace = min(1.0, self._speed / asked) if asked > 0.0 else 1.0
 
     def __call__(self, times: ArrayLike) -> Array:
         """Desired bearings ``(..., d)`` at the times ``(...)`` in seconds, at the present pace."""
-        return self._desired(self._phase + self._pace * (np.asarray(times, dtype=float) - self._time))
+        return self._steady(self._phase + self._pace * self._since(times))
+
+    def _since(self, times: ArrayLike) -> Array:
+        """Seconds of turning since the last change of pace; reversals are by the clock."""
+        return self._desired.turned(times) - self._desired.turned(self._time)
 
 
 def largest_speed(load: Callable[[float], float]) -> float | None:
@@ -90,12 +97,12 @@ def steady_speed(vehicle: Vehicle) -> float | None:
 
     ``None`` if there is no drag to limit it.
     """
-    thrust, rest = thrust_of(vehicle), np.zeros(vehicle.flat_dimension)
+    thrust, rest, limits = thrust_of(vehicle), np.zeros(vehicle.flat_dimension), ThrustRange.of(vehicle)
     speeds = []
     for along in np.eye(vehicle.flat_dimension)[:2]:
 
         def load(speed: float, along: Array = along) -> float:
-            return float(np.max(np.abs(thrust(rest, speed * along, rest)) / vehicle.thrust_max))
+            return float(np.max(limits.used(thrust(rest, speed * along, rest))))
 
         speed = largest_speed(load)
         if speed is None:
@@ -129,13 +136,14 @@ def circling_speed(vehicle: Vehicle, radius: float, share: float = 1.0) -> float
     positive("radius", radius)
     positive("share", share)
     thrust, size, d = thrust_of(vehicle), vehicle.flat_dimension, vehicle.position_dimension
+    limits = ThrustRange.of(vehicle)
 
     def load(speed: float) -> float:
         z, dz, ddz = np.zeros((3, size))
         z[0], dz[1], ddz[0] = radius, speed, -(speed**2) / radius
         if size > d:
             z[d], dz[d] = math.pi / 2.0, speed / radius
-        return float(np.max(np.abs(thrust(z, dz, ddz)) / (share * vehicle.thrust_max)))
+        return float(np.max(limits.used(thrust(z, dz, ddz)) / share))
 
     speed = largest_speed(load)
     return FASTEST if speed is None else speed

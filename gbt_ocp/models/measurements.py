@@ -80,11 +80,6 @@ class Sighting:
         return cls(time, kind, angles, np.full(len(angles), np.nan), position, sensor, bearing)
 
     @property
-    def directed(self) -> bool:
-        """Whether the kind gives a direction in this number of dimensions."""
-        return (self.kind, self.position.size) in (("azimuth", 2), ("azimuth_elevation", 3))
-
-    @property
     def bearing(self) -> Array:
         """The unit vector λ ``(d,)`` of an azimuth in the plane, or of an azimuth and an elevation in space.
 
@@ -94,7 +89,7 @@ class Sighting:
             If the kind does not give a direction in this number of dimensions.
         """
         dimension = self.position.size
-        if not self.directed:
+        if (self.kind, dimension) not in (("azimuth", 2), ("azimuth_elevation", 3)):
             raise ValueError(f"kind: a measurement of kind '{self.kind}' is not a bearing in {dimension} dimensions")
         if self.direction is not None:
             return self.direction

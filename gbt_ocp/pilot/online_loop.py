@@ -17,6 +17,7 @@ from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.tracking.gaps import new_tracks
 from gbt_ocp.tracking.intake import take_in
+from gbt_ocp.tracking.polar import bearing_of
 from gbt_ocp.tracking.protocol import Forecast, PositionTracker, Tracker
 from gbt_ocp.typing import Array
 
@@ -115,7 +116,8 @@ class OnlineLoop:
         finally:
             self._spent += perf_counter() - began
         if self._sees is not None:
-            self._seen = bearing if bearing is not None or not sighting.directed else sighting.bearing
+            direction = bearing_of(sighting) if bearing is None else bearing
+            self._seen = self._seen if direction is None else direction
         count = new_tracks(self.tracker)
         if count != len(self.begun):  # fewer where a tracker was set back for a measurement that came late
             self.begun = [*self.begun[: count - 1], sighting.time] if count > len(self.begun) else self.begun[:count]

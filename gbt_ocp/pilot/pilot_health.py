@@ -12,6 +12,7 @@ import numpy as np
 from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.pilot.own_track import Received
 from gbt_ocp.tracking.disagreement import LEAST_COUNT, MANY_TIMES
+from gbt_ocp.tracking.polar import is_bearing
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
 
@@ -112,7 +113,7 @@ class TrackWatch:
     def see(self, sighting: Sighting) -> None:
         """Compare a bearing with the last forecast; other kinds, and times that it does not reach, say nothing."""
         times, forecast = self._times, self._forecast
-        if forecast is None or not sighting.directed or len(times) < 2 or not times[0] <= sighting.time <= times[-1]:
+        if forecast is None or not is_bearing(sighting) or len(times) < 2 or not times[0] <= sighting.time <= times[-1]:
             return
         place = (sighting.time - times[0]) / (times[1] - times[0])
         index = min(int(place), len(times) - 2)

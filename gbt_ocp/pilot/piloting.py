@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from gbt_ocp.guidance.planned import ON_SCHEDULE
 from gbt_ocp.guidance.startup import planner_of
 from gbt_ocp.guidance.strategy import Guidance, Placement
 from gbt_ocp.models.measurements import Measurement, Sighting
+from gbt_ocp.models.sensors import SimulatedSensor
 from gbt_ocp.models.sizes import not_negative, positive
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.follower import BANDWIDTH
@@ -58,6 +59,8 @@ class PilotParts:
         Deviation in radians of bearings that do not state one.
     tracker_at
         Makes the tracker at the vehicle's first position ``(d,)``, to take the place of ``tracker``; ``None`` keeps it.
+    sensors
+        Say frame, mounting, deviation and error of the heading of measurements of their name that do not.
 
     Raises
     ------
@@ -76,6 +79,7 @@ class PilotParts:
     navigation_gap: float = 1.0
     bearing_std: float = 0.0
     tracker_at: Callable[[Array], Tracker | PositionTracker] | None = None
+    sensors: Mapping[str, SimulatedSensor] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("period", "forecast_period", "navigation_gap"):
@@ -178,7 +182,12 @@ class Piloting:
         own = self._own.at(measurement.time)
         if own is None or self._intake is None:
             return "no navigation"
-        sighting = measurement.placed(own.pose, own.heading_std)
+        heading_std = own.heading_std
+        sensor = self.parts.sensors.get(measurement.sensor)
+        if sensor is not None:
+            measurement = sensor.completed(measurement)
+            heading_std = max(heading_std, sensor.heading_std)
+        sighting = measurement.placed(own.pose, heading_std)
         self._watch.see(sighting)
         self._arrived.append(sighting)
         return "late" if sighting.time < self._intake.latest else "taken"

@@ -26,7 +26,9 @@ from gbt_ocp.simulation.history import History
 from gbt_ocp.simulation.mover import Mover
 from gbt_ocp.simulation.plant import Plant
 from gbt_ocp.simulation.recorder import Recorder
+from gbt_ocp.simulation.sensing import Sensing
 from gbt_ocp.simulation.step import Step
+from gbt_ocp.tracking.polar import bearing_of
 from gbt_ocp.tracking.protocol import GaussianProcess, PositionTracker, Tracker
 from gbt_ocp.typing import Array
 
@@ -60,6 +62,8 @@ class ClosedLoop:
         The vehicle that moves, where it is not the model; not with ``exact``.
     follow_bandwidth
         Of the follower, rad/s.
+    sensors
+        Several sensors, which take the place of :attr:`sensor`; its period remains that of the loop.
     """
 
     target: Target
@@ -76,6 +80,7 @@ class ClosedLoop:
     rng: np.random.Generator
     plant: Plant | None = None
     follow_bandwidth: float = BANDWIDTH
+    sensors: Sensing | None = None
 
     # isinstance with a protocol takes as long as a step of a cheap tracker, so it is asked once
 
@@ -181,11 +186,25 @@ def simulate(
         t = k * period
         truth = loop.target.position(np.asarray(t + ahead, dtype=float))
         own = vehicle.pose(state)[: loop.target.dimension]
-        bearing = loop.sensor.measure(k, truth[0], own, loop.rng)
+        sensed: list[Sighting] = []
+        if loop.sensors is None:
+            bearing = loop.sensor.measure(k, truth[0], own, loop.rng)
+            position = _measured_position(loop, truth[0])
+        else:
+            # what is recorded is the last direction that was measured
+            measured_now = map(bearing_of, loop.sensors.measure(k, t, truth[0], vehicle.pose(state)))
+            bearing = next((one for one in reversed([*measured_now]) if one is not None), None)
+            sensed = loop.sensors.arrived(t)
         water = mover.water(state)
-        position = _measured_position(loop, truth[0])
-        if bearing is not None:
+        if bearing is not None and loop.sensors is None:
             underway.append((_sighting(t, bearing, own, position), bearing))
+        for sighting in sensed:
+            if not online.take(sighting):
+                refused += 1
+                continue
+            direction = bearing_of(sighting)
+            if direction is not None:
+                seen.append(direction)
         while underway and underway[0][0].time <= t - loop.sensor.latency + 1e-9:
             sighting, arrived = underway.popleft()
             if online.take(sighting, arrived):

@@ -8,12 +8,13 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
+from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle, acceleration
 from gbt_ocp.ocp.follower import BANDWIDTH, samples
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.pilot.plan_follower import ON_PLAN, PlanFollower, point_of
-from gbt_ocp.simulation.plant import Motion, Plant
+from gbt_ocp.simulation.plant import Motion, Plant, gives_power
 from gbt_ocp.typing import Array
 
 GRID = 101
@@ -44,6 +45,8 @@ class Move:
         Distance in m from the planned position at its end; NaN without a plan.
     thrust_mean
         Mean over the period of the inputs asked for ``(m,)``; ``None`` where the vehicle is placed.
+    power
+        Mean over the period of ``Σ|τ_i ν_i|`` in W, ν through the water; NaN where inputs are not forces along ν.
     """
 
     flat: Array
@@ -53,6 +56,7 @@ class Move:
     clipped: bool = False
     off_plan: float = field(default=float("nan"))
     thrust_mean: Array | None = None
+    power: float = field(default=float("nan"))
 
 
 class Mover:
@@ -88,6 +92,7 @@ class Mover:
         if follow == "exact" and plant is not None:
             raise ValueError("vehicle.follow: found exact beside a plant; allowed: dynamics, feedback")
         self._vehicle = vehicle
+        self._range = ThrustRange.of(vehicle)
         self._period = period
         self._follow = follow
         self._motion = Motion(Plant(vehicle) if plant is None else plant)
@@ -96,6 +101,9 @@ class Mover:
         z, dz, ddz = (ca.SX.sym(name, n) for name in ("z", "dz", "ddz"))
         self._thrust_at = ca.Function("thrust", [z, dz, ddz], [vehicle.inputs(z, dz, ddz)])
         self._thrust = self._thrust_at.map(GRID)
+        if gives_power(vehicle):
+            velocity = ca.Function("velocity", [z, dz], [vehicle.body_velocity(z, dz)])  # type: ignore[attr-defined]
+            self._velocity = velocity.map(GRID)
         held = ca.SX.sym("thrust", len(vehicle.thrust_max))
         self._accelerated = ca.Function("accelerated", [z, dz, held], [acceleration(vehicle, z, dz, held)])
 
@@ -104,33 +112,38 @@ class Mover:
         piece = plan.trajectory.segment(plan.elapsed, self._period)
         water = np.zeros(self._vehicle.position_dimension) if plan.current is None else plan.current
         through = piece.moving(-water)
-        limit = self._vehicle.thrust_max
         thrust = np.asarray(self._thrust(*(values[0].T for values in through.sample(GRID)))).T
-        peak = np.max(np.abs(thrust), axis=0) / limit
+        peak = np.max(self._range.used(thrust), axis=0)
         clipped = bool(peak.max() > 1.0 + ROUND_OFF)
         if self._follow == "feedback":
             return self._led_back(state, piece, water, clipped)
         if self._follow == "exact" and not clipped and self._is_on(state, piece):
             end = piece.knots[1]
             mean = np.asarray(thrust.mean(axis=0))
-            return Move(end, self._vehicle.state(end[0], end[1]), thrust[0], peak, off_plan=0.0, thrust_mean=mean)
+            reached = self._vehicle.state(end[0], end[1])
+            power = self._power(through, thrust)
+            return Move(end, reached, thrust[0], peak, off_plan=0.0, thrust_mean=mean, power=power)
 
         def applied(s: float) -> Array:
             wanted = np.asarray(self._thrust_at(*point_of(through, s))).ravel()
-            return np.asarray(np.clip(wanted, -limit, limit))
+            return self._range.clip(wanted)
 
+        before = self._motion.work
         reached = self._motion.advance(state, applied, self._period)
-        held = np.clip(thrust[0], -limit, limit)
-        mean = np.asarray(np.clip(thrust, -limit, limit).mean(axis=0))
-        return self._moved(reached, piece, held, np.minimum(peak, 1.0), clipped, mean)
+        power = (self._motion.work - before) / self._period
+        held = self._range.clip(thrust[0])
+        mean = np.asarray(self._range.clip(thrust).mean(axis=0))
+        return self._moved(reached, piece, held, np.minimum(peak, 1.0), clipped, mean, power)
 
     def hold(self, state: Array, thrust: Array) -> Move:
         """Integrate the forward dynamics under constant inputs."""
+        before = self._motion.work
         end = self._motion.advance(state, lambda s: thrust, self._period)
+        power = (self._motion.work - before) / self._period
         z, dz = self._vehicle.flat(end)
         ddz = np.asarray(self._accelerated(z, dz, thrust)).ravel()
         flat = np.vstack([z, dz, np.where(np.isfinite(ddz), ddz, 0.0)])  # no number where the flatness map is singular
-        return Move(flat, end, thrust, np.abs(thrust) / self._vehicle.thrust_max, thrust_mean=thrust)
+        return Move(flat, end, thrust, self._range.used(thrust), thrust_mean=thrust, power=power)
 
     def place(self, state: Array, position: Array) -> Move:
         """Put the vehicle somewhere, at rest and with the same yaw; there is no thrust to speak of."""
@@ -153,18 +166,28 @@ class Mover:
         count = samples(self._period)
         step = self._period / count
         asked: list[Array] = []
+        before = self._motion.work
         for number in range(count):
             now, middle = number * step, (number + 0.5) * step
             asked.append(self._follower.thrust(through, now, middle, water, *self._vehicle.flat(state)))
             state = self._motion.advance(state, lambda s, held=asked[-1]: held, step)  # type: ignore[misc]
-        peak = np.max(np.abs(asked), axis=0) / self._vehicle.thrust_max
-        return self._moved(state, piece, asked[0], peak, clipped, np.mean(asked, axis=0))
+        peak = np.max(self._range.used(asked), axis=0)
+        power = (self._motion.work - before) / self._period
+        return self._moved(state, piece, asked[0], peak, clipped, np.mean(asked, axis=0), power)
+
+    def _power(self, through: FlatTrajectory, thrust: Array) -> float:
+        """Mean power in W of a thrust ``(GRID, m)`` along a piece through the water."""
+        if not gives_power(self._vehicle):
+            return float("nan")
+        z, dz = through.sample(GRID)[:2]
+        velocity = np.asarray(self._velocity(z[0].T, dz[0].T)).T
+        return float(np.sum(np.abs(thrust * velocity), axis=1).mean())
 
     def _moved(
-        self, state: Array, piece: FlatTrajectory, thrust: Array, peak: Array, clipped: bool, mean: Array
+        self, state: Array, piece: FlatTrajectory, thrust: Array, peak: Array, clipped: bool, mean: Array, power: float
     ) -> Move:
         z, dz = self._vehicle.flat(state)
         planned = piece.knots[1]
         d = self._vehicle.position_dimension
         off = float(np.linalg.norm(z[:d] - planned[0, :d]))
-        return Move(np.vstack([z, dz, planned[2:]]), state, thrust, peak, clipped, off, mean)
+        return Move(np.vstack([z, dz, planned[2:]]), state, thrust, peak, clipped, off, mean, power)

@@ -9,6 +9,7 @@ from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
 from gbt_ocp.tracking.filters.polynomial import PolynomialRegression
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.gp.lmc import CoregionalizedTracker
+from gbt_ocp.tracking.intake import SightingTracker, take_in, taken_kinds
 from gbt_ocp.tracking.mixture import MixtureTracker
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal, PositionPrior, RangedPrior
@@ -17,8 +18,10 @@ from gbt_ocp.tracking.protocol import (
     GaussianProcess,
     JointForecast,
     JointlyGaussian,
+    KeepsHypotheses,
     PositionTracker,
     Tracker,
+    WeighedForecasts,
 )
 from gbt_ocp.tracking.shape.processes import ShapePrior
 from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
@@ -35,6 +38,7 @@ __all__ = [
     "ImmPseudoLinearTracker",
     "JointForecast",
     "JointlyGaussian",
+    "KeepsHypotheses",
     "LogNormal",
     "MixtureTracker",
     "MotionPriors",
@@ -47,5 +51,9 @@ __all__ = [
     "PseudoLinearKalmanFilter",
     "RangedPrior",
     "ShapePrior",
+    "SightingTracker",
     "Tracker",
+    "WeighedForecasts",
+    "take_in",
+    "taken_kinds",
 ]

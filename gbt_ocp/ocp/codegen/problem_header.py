@@ -74,7 +74,7 @@ extern const gbt_objective_functions gbt_objective;
 extern const gbt_limit gbt_limits[];
 extern const char *const gbt_limit_names[]; /* in the same order */
 extern const gbt_real gbt_acceleration_scale[GBT_FLAT]; /* typical acceleration under full thrust */
-extern const gbt_real gbt_thrust_max[GBT_INPUTS];
+extern const gbt_real gbt_thrust_min[GBT_INPUTS], gbt_thrust_max[GBT_INPUTS];
 
 void gbt_vehicle_inputs(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *inputs);
 /* The acceleration under a thrust, from z and its rate. */
@@ -87,9 +87,10 @@ void gbt_knot_numbers(const double *origin, const double *moving, const double *
 /* Parameters of the objective at an endpoint, from mean, symmetric root of the covariance and desired bearing. */
 void gbt_prepare(const double *mean, const double *root, const double *desired, double *parameters);
 #if GBT_PRESENT
-/* Parameters of the path constraints at a boundary of the pieces, from mean and covariance there and the covariance at
-   the beginning of the plan. */
-void gbt_prepare_limits(const double *mean, const double *covariance, const double *present, double *moving);
+/* Parameters of the path constraints at a boundary of the pieces, from mean and covariance there, and from the past:
+   the covariance at the beginning of the plan, the mean at the boundary before (at the beginning the one there), and 0
+   at the beginning or 1 after it. */
+void gbt_prepare_limits(const double *mean, const double *covariance, const double *past, double *moving);
 #endif
 #endif
 

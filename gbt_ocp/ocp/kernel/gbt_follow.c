@@ -2,6 +2,7 @@
 
 #include "gbt_math.h"
 #include "gbt_pieces.h"
+#include "gbt_thrust.h"
 
 #define TURN ((gbt_real)6.283185307179586)
 #define SAME_TIME (8 * GBT_EPSILON * GBT_PIECES) /* rounding of a time, in pieces: a boundary belongs to the later one */
@@ -69,11 +70,10 @@ gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt
     result->status = GBT_FOLLOWED;
     gbt_vehicle_inputs(point, 0, 0, result->thrust);
     for (int i = 0; i < GBT_INPUTS; i++) {
-        const gbt_real limit = gbt_thrust_max[i];
-        if (!isfinite(result->thrust[i])) return idle(GBT_FOLLOW_NOT_FINITE, result);
-        if (gbt_fabs(result->thrust[i]) <= limit) continue;
-        result->thrust[i] = gbt_copysign(limit, result->thrust[i]);
-        result->status = GBT_FOLLOW_CLIPPED;
+        const gbt_real asked = result->thrust[i];
+        if (!isfinite(asked)) return idle(GBT_FOLLOW_NOT_FINITE, result);
+        result->thrust[i] = gbt_within_thrust(i, asked, 1);
+        if (result->thrust[i] != asked) result->status = GBT_FOLLOW_CLIPPED;
     }
     return result->status;
 }
