@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -132,6 +132,14 @@ class SimulatedSensor:
         if (self.std is None) == (self.share is None):
             raise ValueError(f"std and share: found {self.std} and {self.share}; allowed: exactly one of them")
         positive("std" if self.share is None else "share", self.std if self.share is None else self.share)  # type: ignore[arg-type]
+
+    def completed(self, measurement: Measurement) -> Measurement:
+        """A measurement of this sensor with its frame, mounting and deviation, where it does not say them."""
+        std = measurement.std
+        if std is None:
+            std = self.std if self.share is None else self.share * np.abs(measurement.components)
+        frame, mounting = measurement.frame or self.frame, measurement.mounting or self.mounting
+        return replace(measurement, std=std, frame=frame, mounting=mounting)
 
     def sight(self, time: float, target: ArrayLike, pose: ArrayLike, rng: np.random.Generator) -> Sighting | None:
         """What the tracker is given of the target at a time, or ``None`` where it is missed or undefined.

@@ -24,6 +24,7 @@ from gbt_ocp.experiments.config.desired_bearing import DesiredBearingSection
 from gbt_ocp.experiments.config.guidance import AnyGuidance, PlannerGuidanceSection
 from gbt_ocp.experiments.config.keys import Section, key, kinds_in, sections_in
 from gbt_ocp.experiments.config.limits import LimitsSection, RangeLimitSection
+from gbt_ocp.experiments.config.pilot import PilotSection
 from gbt_ocp.experiments.config.planner import PlannerSection
 from gbt_ocp.experiments.config.plant import PlantSection
 from gbt_ocp.experiments.config.replay import ReplaySection
@@ -81,6 +82,9 @@ class Configuration(Section):
     vehicle: AnyVehicle = Field(default_factory=lambda: FossenVehicleSection(kind="fossen"), description="The vehicle.")
     plant: PlantSection = Field(
         default_factory=PlantSection, description="How the vehicle that moves differs from its model."
+    )
+    pilot: PilotSection = Field(
+        default_factory=PilotSection, description="What a pilot does with inputs that come late, or not at all."
     )
     replay: ReplaySection = Field(default_factory=ReplaySection, description="How gbt-ocp replay reads a log.")
 
