@@ -57,18 +57,25 @@ def replay_noise_warnings(
 
 
 def run_noise_warnings(
-    history: History, section: TrackerSection, sensor: BearingSensor, forecast_period: float
+    history: History,
+    section: TrackerSection,
+    sensor: BearingSensor,
+    forecast_period: float,
+    each_its_own: bool = False,
 ) -> list[str]:
     """A line if the bearings of a run disagree with the noise that its tracker was given; else nothing.
 
     What was expected of a bearing is the forecast of the step before, a period ahead. A tracker without a noise of its
     own has none that could differ from the sensor's. The bearings are not compared with each other: they are of one
-    target, which a vehicle may pass so near that its direction jumps.
+    target, which a vehicle may pass so near that its direction jumps. Where each measurement says its own noise, as of
+    several sensors, the largest of them counts if it is above that of the tracker.
     """
     configured = configured_noise(section, sensor)
     if configured is None:
         return []
     noise = _at_least(configured)
+    if each_its_own:
+        noise = replace(noise, std=max(noise.std, sensor.noise))
     own = history.vehicle_pose[:, : history.dimension]
     place = sensor.period / forecast_period
     index, share = int(place), place - int(place)
