@@ -163,6 +163,10 @@ def replay(
         origin_deg=section.origin_deg,
         in_plane=section.in_plane,
         heading_std=math.radians(section.heading_std_deg),
+        stds={
+            "range": section.range_std_m,
+            "size": None if section.size_std_deg is None else math.radians(section.size_std_deg),
+        },
     )
     exports = _possible_exports(section.export, data)
     for line in data.warnings:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -73,6 +73,7 @@ def read_log(
     origin_deg: Sequence[float] | None = None,
     in_plane: bool = False,
     heading_std: float = 0.0,
+    stds: Mapping[str, float | None] | None = None,
 ) -> BearingLog:
     """Read a log.
 
@@ -101,6 +102,8 @@ def read_log(
         Leave out heights and elevations.
     heading_std
         Standard deviation of the heading in radians; bearings from the bow that say their own have it besides.
+    stds
+        Standard deviations by kind in radians or metres, of measurements that do not say their own.
 
     Raises
     ------
@@ -109,15 +112,17 @@ def read_log(
     """
     origin = _origin(origin_deg)
     given = None if mapping is None else load_mapping(mapping)
+    placing: dict[str, Any] = {"latency": latency, "origin": origin, "in_plane": in_plane}
+    placing |= {"heading_std": heading_std, "stds": stds or {}}
     form = "" if path.is_dir() else path.suffix.casefold()
     try:
         if path.is_dir() or form in FORMATS:
             reader, ready = FORMATS.get(form, FORMATS[".db3"])
             raw, doubts = _read_messages(path, reader, given or load_mapping(ready), bearing_from, where or {}, topics)
-            log, _ = assembled(raw, latency=latency, origin=origin, in_plane=in_plane, heading_std=heading_std)
+            log, _ = assembled(raw, **placing)
             return replace(log, warnings=(*doubts, *log.warnings), since_epoch=True)
         file = CsvLog(path, bearing_from, where or {}, given)
-        log, rows = assembled(file.raw(), latency=latency, origin=origin, in_plane=in_plane, heading_std=heading_std)
+        log, rows = assembled(file.raw(), **placing)
     except ValueError as fault:
         if isinstance(fault, ConfigurationError):
             raise
