@@ -174,6 +174,8 @@ def _read_messages(
         kept = _where(path, one, where)
         found.append(measured(kept, entry, stated))
         doubts += _contact_warnings(path, kept, found[-1], where)
+    if stated is not None and not any(entry.frame == "stated" for entry, _ in log.of(mapping.measurements)):
+        doubts.append(f"{path}: bearings from {stated} are not asked for: the mapping says where they are counted from")
     found = [one for one in found if len(one.times)]
     if not found:
         raise log.lacks("measurements", "no measurement")
