@@ -295,7 +295,7 @@ def test_a_packed_log_of_imc_reads_and_one_that_unpacks_to_far_more_is_refused(t
     np.testing.assert_array_equal(read_log(packed).bearings, read_log(path).bearings)
     monkeypatch.setattr("gbt_ocp.experiments.logs.imc_log.UNPACKED", 1000)
     monkeypatch.setattr("gbt_ocp.experiments.logs.imc_log.PACKED", 1)
-    with pytest.raises(ConfigurationError, match="cannot be read .more than .* bytes when it is unpacked"):
+    with pytest.raises(ConfigurationError, match=r"cannot be read \(more than .* bytes when it is unpacked\)"):
         read_log(packed)
 
 
