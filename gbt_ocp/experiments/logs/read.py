@@ -21,6 +21,7 @@ from gbt_ocp.experiments.logs.mapping import LogEntry, LogMapping, load_mapping
 from gbt_ocp.experiments.logs.records import LoggedMessage, Records, gathered, matches, wanted
 from gbt_ocp.frames import LocalPlane
 from gbt_ocp.simulation.replayed_track import BearingLog
+from gbt_ocp.typing import Array
 
 Reader = Callable[[Path, Callable[[str, str], bool]], Iterator[LoggedMessage]]
 """From a file, and whether messages of a topic and a type are read, to those messages."""
@@ -49,6 +50,9 @@ def _imc(path: Path, asks: Callable[[str, str], bool]) -> Iterator[LoggedMessage
 
     return imc_messages(path, asks)
 
+
+LAST_DATE = 253_402_300_800.0
+"""Seconds since the epoch at the end of the year 9999."""
 
 FORMATS: dict[str, tuple[Reader, str]] = {
     ".bag": (_ros, "ros"),
@@ -120,7 +124,7 @@ def read_log(
             reader, ready = FORMATS.get(form, FORMATS[".db3"])
             raw, doubts = _read_messages(path, reader, given or load_mapping(ready), bearing_from, where or {}, topics)
             log, _ = assembled(raw, **placing)
-            return replace(log, warnings=(*doubts, *log.warnings), since_epoch=True)
+            return replace(log, warnings=(*doubts, *log.warnings), since_epoch=_are_dates(log.times))
         file = CsvLog(path, bearing_from, where or {}, given)
         log, rows = assembled(file.raw(), **placing)
     except ValueError as fault:
@@ -130,6 +134,11 @@ def read_log(
     seen = np.isfinite(log.bearings[:, 0])
     lines = file.contact_warnings(rows[seen].tolist(), log.bearings[seen])
     return replace(log, warnings=(*log.warnings, *lines), since_epoch=file.in_utc)
+
+
+def _are_dates(times: Array) -> bool:
+    """Whether times of a log that counts from the epoch lie in the years that a date can have."""
+    return bool(times[0] >= 0.0 and times[-1] < LAST_DATE)
 
 
 def _origin(origin_deg: Sequence[float] | None) -> LocalPlane | None:
