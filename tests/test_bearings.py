@@ -190,3 +190,33 @@ def test_impossible_desired_bearings_are_refused():
         DesiredBearing(4, 1.0)
     with pytest.raises(ValueError, match="axis must not be zero"):
         DesiredBearing(3, 1.0, (0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match=r"reverse: found 0.0; allowed: a number above 0"):
+        DesiredBearing(2, 1.0, reverse=0.0)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_turn_that_reverses_has_the_rate_in_turn_of_either_sign(dimension):
+    desired = DesiredBearing(dimension, -0.3, phase=0.4, reverse=2.0, leg_start=0.7)
+    fine = np.linspace(0.7, 8.7, 80001)
+    sense = np.where(((fine - 0.7) // 2.0) % 2 == 0, 1.0, -1.0)
+    steps = np.diff(fine) * -0.3 * sense[:-1]
+    angle = 0.4 + np.concatenate([[0.0], np.cumsum(steps)])
+    expected = DesiredBearing(dimension, 1.0)(angle)
+    np.testing.assert_allclose(desired(fine), expected, atol=1e-4)
+    np.testing.assert_allclose(desired(-7.3 + np.arange(3.0)), desired(0.7 + np.arange(3.0)), atol=1e-12)
+    sight = expected[300]
+    np.testing.assert_allclose(desired.beginning_at(5.2, sight)(5.2), sight, atol=1e-12)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("rate", [0.2, -0.2])
+@pytest.mark.parametrize("turns", [1.0, -1.0])
+def test_legs_begin_in_the_sense_in_which_the_line_of_sight_turns(dimension, rate, turns):
+    line = np.array([3.0, 4.0, 0.0])[:dimension]
+    velocity = turns * np.array([-4.0, 3.0, 0.0])[:dimension] + 2.0 * line
+    begun = DesiredBearing(dimension, rate, reverse=6.0).reversing_from(11.0, line, velocity)
+    angle = np.unwrap(np.arctan2(*begun([11.0, 14.0, 17.0, 20.0])[:, 1::-1].T))
+    assert angle[0] == pytest.approx(np.arctan2(4.0, 3.0))
+    np.testing.assert_allclose(np.diff(angle), turns * 0.6 * np.array([1.0, 1.0, -1.0]), atol=1e-12)
+    steady = DesiredBearing(dimension, rate)
+    assert steady.reversing_from(11.0, line, velocity) is steady

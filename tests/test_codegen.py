@@ -16,6 +16,7 @@ import pytest
 from gbt_ocp.cli import main as cli
 from gbt_ocp.experiments.run import run
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
+from gbt_ocp.guidance.standoff import ReachableRange
 from gbt_ocp.guidance.target_limits import FieldOfView, RangeLimits
 from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.models.vehicles import PlanarPointMass
@@ -230,6 +231,7 @@ def test_the_symmetric_root_is_that_of_numpy():
 
 def with_target_limits(dimension):
     problem = fossen(dimension, "hard").subject_to_penalty(RangeLimits(dimension, nearest=1.0, farthest=9.0), nodes=4)
+    problem = problem.subject_to_penalty(ReachableRange(RangeLimits(dimension, nearest=1.0), 0.3), nodes=1)
     return problem.subject_to_penalty(FieldOfView(dimension, 1.0), nodes=3)
 
 

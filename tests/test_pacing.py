@@ -34,6 +34,20 @@ def test_a_change_of_pace_does_not_make_the_bearing_jump():
         np.testing.assert_allclose(paced(time), before, atol=1e-12)
 
 
+def test_reversals_are_by_the_clock_whatever_the_pace():
+    paced = PacedBearing(DesiredBearing(2, 6.0, reverse=2.0), 3.0)
+    rng = np.random.default_rng(1)
+    angle, fine = 0.0, 1e-3
+    for time in np.arange(0.0, 8.0, 0.5):
+        distance = rng.uniform(0.2, 20.0)
+        paced.pace(time, distance)
+        np.testing.assert_allclose(paced(time), [np.cos(angle), np.sin(angle)], atol=1e-9)
+        sense = 1.0 if time % 4.0 < 2.0 else -1.0
+        angle += 0.5 * sense * min(6.0, 3.0 / distance)
+        ahead = paced(time + fine)
+        assert np.sign(ahead[1] * paced(time)[0] - ahead[0] * paced(time)[1]) == sense
+
+
 def test_no_speed_is_refused():
     with pytest.raises(ValueError, match="speed"):
         PacedBearing(DesiredBearing(2, 6.0), 0.0)

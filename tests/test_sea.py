@@ -8,9 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gbt_ocp.experiments.build.desired import orbit_range, reachable_speed, unreachable_bearings
-from gbt_ocp.experiments.build.loop import build_loop, build_problem, build_vehicle
+from gbt_ocp.experiments.build.loop import build_loop, build_planner, build_problem, build_vehicle
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.experiments.recorded_steps import recorded_steps
 from gbt_ocp.guidance.pacing import circling_speed, horizontal_radius, turn_period
 from gbt_ocp.guidance.startup import CrossFirst
 from gbt_ocp.guidance.target_limits import RangeLimits
@@ -287,6 +288,34 @@ def test_crossing_begins_again_when_the_range_is_lost():
     assert answers[0][0] < 0.0
     with pytest.raises(ValueError, match=r"guidance.startup_opening: found 3.0; allowed: a number < startup_speed"):
         CrossFirst(planned, FALCON, 0.1, deviation=0.25, speed=3.0, opening=3.0, leg=8.0)
+
+
+def test_a_turn_that_reverses_is_flown_and_recorded_for_the_generated_code():
+    changes = ["desired_bearing.reverse_s=6", "desired_bearing.period_s=90", "guidance.startup_deviation=0"]
+    changes += ["limits.range.margin_m=0", "planner.pieces=10", "vehicle.start.range_m=40", "duration_s=32"]
+    changes += ["target.speed=0.2", "limits.range.confidence=0.5"]  # a belief that does not jump
+    tracker = "{kind: ekf, initial_range_m: 40, initial_range_std_m: 1, initial_speed_std: 0.3, forecast_period_s: 1}"
+    configuration = load_config("sea2d", [*changes, f"tracker={tracker}"])
+    planner = build_planner(configuration, build_vehicle(configuration))
+    steps = recorded_steps(configuration, planner, 30)
+    rate = 2.0 * np.pi / 90.0
+    senses = []
+    for number, step in enumerate(steps):
+        line = step["present"].mean - step["state"][0, :2]
+        angle = np.unwrap(np.arctan2(*np.vstack([line, step["desired"]]).T[::-1]))
+        turned = np.diff(angle) / rate
+        # the endpoints are 1 s apart, and so are the plans: legs of six of them
+        assert np.all(np.abs(np.abs(turned) - 1.0) < 1e-9)
+        senses.append(np.sign(turned[0]))
+        assert np.sign(turned[6]) == -senses[-1]
+        if number % 6 < 4:
+            assert np.sign(turned[1]) == senses[-1]
+    assert np.all(np.reshape(senses, (5, 6)) == senses[0] * np.array([1.0, -1.0, 1.0, -1.0, 1.0])[:, None])
+    # the vehicle follows: near the middle of each leg but the first it goes round the target in the sense of the leg
+    lines = np.array([step["present"].mean - step["state"][0, :2] for step in steps])
+    sight = np.unwrap(np.arctan2(lines[:, 1], lines[:, 0]))
+    middle = np.arange(9, 30, 6)
+    assert np.all(np.sign(sight[middle + 1] - sight[middle - 1]) == np.array(senses)[middle])
 
 
 def test_options_of_the_compiled_solver_stay_with_it():

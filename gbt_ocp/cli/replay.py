@@ -13,6 +13,7 @@ from gbt_ocp.cli.arguments import CONFIG, add_out, add_quiet, add_set, completed
 from gbt_ocp.cli.exit_codes import DONE, PROGRAM_FAULT, WRONG_INPUT
 from gbt_ocp.cli.folders import free_folder, refuse_unwritable, save_somewhere
 from gbt_ocp.cli.output import show
+from gbt_ocp.cli.pilot_record import repeat_record
 from gbt_ocp.cli.subcommand import Subcommand
 from gbt_ocp.experiments.config.faults import ConfigurationError
 
@@ -90,6 +91,10 @@ def _where(cells: Sequence[tuple[str, str]]) -> dict[str, str]:
 
 
 def _carry_out(arguments: argparse.Namespace) -> int:
+    from gbt_ocp.experiments.pilot_record import is_pilot_record
+
+    if is_pilot_record(arguments.log):
+        return repeat_record(arguments)
     from tqdm import tqdm
 
     from gbt_ocp.experiments.replay import replay
@@ -140,6 +145,7 @@ REPLAY = Subcommand(
         "gbt-ocp replay log.csv --bearing-from north --where contact=1",
         "gbt-ocp replay log.mcap --mapping mine.yaml",
         "gbt-ocp replay log.csv --config mine.yaml --latency 0.5 --set tracker.range.median_m=200",
+        "gbt-ocp replay record.jsonl",
     ),
     _add_arguments,
     _carry_out,

@@ -173,7 +173,7 @@ def replay(
         warnings.warn(line, RuntimeWarning, stacklevel=2)
     # the dimension is the log's, whatever the problem; nothing else of a problem counts
     config = config.model_copy(update={"tracker": load_tracker(configuration, changes, data.dimension)})
-    sensor = BearingSensor(data.period, math.radians(config.sensor.noise_deg))
+    sensor = BearingSensor(data.period, math.radians(config.bearing_noise_deg))
     tracks = []
     chosen = _trackers(config, configuration, changes, trackers, data.dimension)
     doubts = [f"{name}: {line}" for name, single in chosen.items() for line in far_priors(single, data.own[0], sensor)]

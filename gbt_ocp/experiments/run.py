@@ -107,7 +107,7 @@ def run(
     ]
     for line in doubts:
         warnings.warn(f"{configuration.name}: {line}", RuntimeWarning, stacklevel=2)
-    period = configuration.sensor.period_s
+    period = configuration.period_s
     steps = step_count(configuration.duration_s, period)
     with (
         interrupted_between_steps() as check,

@@ -10,6 +10,7 @@ from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
 from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
 from gbt_ocp.guidance.past import PastBearings
 from gbt_ocp.guidance.planned import PlannedMotion
+from gbt_ocp.guidance.standoff import RangeOfHypotheses, ReachableRange
 from gbt_ocp.guidance.startup import CrossFirst
 from gbt_ocp.guidance.strategy import BearingGuidance, Guidance, Placement
 from gbt_ocp.guidance.target_limits import FieldOfView, RangeLimits
@@ -39,7 +40,9 @@ __all__ = [
     "PosteriorVariance",
     "RandomThrust",
     "RangeLimits",
+    "RangeOfHypotheses",
     "RangePull",
+    "ReachableRange",
     "Static",
     "sigma_points",
     "steady_speed",

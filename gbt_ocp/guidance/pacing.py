@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -43,6 +44,7 @@ class PacedBearing:
 
     def __init__(self, desired: DesiredBearing, speed: float) -> None:
         self._desired = desired
+        self._steady = replace(desired, reverse=math.inf)
         self._speed = positive("speed", speed) / (1.0 if desired.dimension == 2 else np.sqrt(6.0) / 3.0)
         self._time = 0.0
         self._phase = 0.0
@@ -50,14 +52,18 @@ class PacedBearing:
 
     def pace(self, time: float, distance: float) -> None:
         """From ``time`` in seconds on, turn as fast as a target at the distance in metres allows."""
-        self._phase += self._pace * (time - self._time)
+        self._phase += self._pace * float(self._since(time))
         self._time = time
         asked = self._desired.rate * max(distance, 1e-9)
         self._pace = min(1.0, self._speed / asked) if asked > 0.0 else 1.0
 
     def __call__(self, times: ArrayLike) -> Array:
         """Desired bearings ``(..., d)`` at the times ``(...)`` in seconds, at the present pace."""
-        return self._desired(self._phase + self._pace * (np.asarray(times, dtype=float) - self._time))
+        return self._steady(self._phase + self._pace * self._since(times))
+
+    def _since(self, times: ArrayLike) -> Array:
+        """Seconds of turning since the last change of pace; reversals are by the clock."""
+        return self._desired.turned(times) - self._desired.turned(self._time)
 
 
 def largest_speed(load: Callable[[float], float]) -> float | None:

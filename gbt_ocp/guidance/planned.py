@@ -17,15 +17,18 @@ from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.shooting import ShootingPlanner
-from gbt_ocp.tracking.protocol import Forecast, JointForecast
+from gbt_ocp.tracking.protocol import Forecast, JointForecast, WeighedForecasts
 from gbt_ocp.typing import Array
+
+ON_SCHEDULE = 1.0e-6
+"""Deviation in seconds up to which a step counts as one on time."""
 
 
 class PlannedMotion:
     """Solves the trajectory problem whenever a piece is through, for the forecast and the desired bearings at its ends.
 
     With pieces of one sampling period that is at every step, as in the paper; with longer ones the plan is followed on
-    in between.
+    in between. Steps need not come on time: the next plan is made at the one nearest to the end of a piece.
 
     Parameters
     ----------
@@ -39,11 +42,14 @@ class PlannedMotion:
         Predicted positions that a piece lasts; by default as many as ``steps``.
     begin_at_sight
         Whether each plan turns its desired bearing on from the present line of sight, instead of from where the turn
-        would be by the clock: a vehicle that falls behind need not catch up.
+        would be by the clock: a vehicle that falls behind need not catch up. Legs of a turn that reverses then begin
+        with the first plan, in the sense in which the line of sight turns already.
     past
         Where bearings are kept for an objective that counts those of the window.
     joint
         What the tracker knows of the positions at the endpoints together, for an objective that needs it.
+    hypotheses
+        What each of the tracker's hypotheses predicts, for a limit that needs it.
 
     Raises
     ------
@@ -61,6 +67,7 @@ class PlannedMotion:
         begin_at_sight: bool = False,
         past: PastBearings | None = None,
         joint: Callable[[ArrayLike], Any] | None = None,
+        hypotheses: Callable[[ArrayLike], WeighedForecasts] | None = None,
     ) -> None:
         self.planner = planner
         self.desired = desired
@@ -69,9 +76,11 @@ class PlannedMotion:
         self._begin_at_sight = begin_at_sight
         self._past = past
         self._joint = joint
+        self._hypotheses = hypotheses
         self._seen: Array | None = None
         self._plan: Plan | None = None
-        self._followed = 0
+        self._planned_at = 0.0
+        self._legs_begun = False
 
     def see(self, bearing: Array | None) -> None:
         """Take note of the bearing ``(d,)`` measured now, before the decision."""
@@ -86,6 +95,7 @@ class PlannedMotion:
     def restart(self) -> None:
         """Begin as at the first plan: what was planned is no longer where the vehicle is."""
         self._plan = None
+        self._legs_begun = False
         self.planner.reset()
 
     def rehearse(self) -> None:
@@ -128,11 +138,11 @@ class PlannedMotion:
         """The plan from ``time`` on."""
         self.remember(time, flat, forecast)
         problem = self.planner.problem
-        self._followed += 1
-        if self._plan is not None and self._followed < self._steps:
+        elapsed, steps = self._elapsed(time)
+        if self._plan is not None and steps < self._steps:
             return replace(
                 self._plan,
-                elapsed=self._followed * problem.period / self._steps,
+                elapsed=elapsed,
                 status="",
                 fallback="",
                 iterations=0,
@@ -143,10 +153,37 @@ class PlannedMotion:
         if isinstance(self.desired, PacedBearing):
             self.desired.pace(time, float(np.linalg.norm(line)))
         elif self._begin_at_sight:
+            if not self._legs_begun:
+                self._legs_begun = True
+                self.desired = self.desired.reversing_from(time, line, self._relative_velocity(flat, forecast))
             self.desired = self.desired.beginning_at(time, line)
-        plan = self.planner.solve(_continued(flat, problem.joined), **self._data(time, forecast, self._joint))
-        self._plan, self._followed = plan if isinstance(plan, Plan) else None, 0
+        data = self._data(time, forecast, self._joint)
+        if self._hypotheses is not None:
+            data["hypotheses"] = self._around(time, forecast, self._hypotheses)
+        plan = self.planner.solve(_continued(flat, problem.joined), **data)
+        self._plan, self._planned_at = plan if isinstance(plan, Plan) else None, time
         return plan
+
+    def _elapsed(self, time: float) -> tuple[float, int]:
+        """Seconds since the last plan, and how many steps they are."""
+        since, period = time - self._planned_at, self.planner.problem.period
+        count = round(since * self._steps / period)
+        on_time = count * period / self._steps  # a time k T is rounded
+        return (on_time if abs(since - on_time) <= ON_SCHEDULE else since), count
+
+    def _around(
+        self, time: float, forecast: Forecast, predict: Callable[[ArrayLike], WeighedForecasts]
+    ) -> WeighedForecasts:
+        """The hypotheses at the knots, moved to where the forecast is: it may be in a frame of its own."""
+        knots = self.planner.problem.pieces + 1
+        weights, means, covariances = predict(time + self.planner.problem.period * np.arange(knots))
+        moved = forecast.mean[:: self._stride][:knots] - np.einsum("m,mkd->kd", weights, means)
+        return WeighedForecasts(weights, means + moved, covariances)
+
+    def _relative_velocity(self, flat: Array, forecast: Forecast) -> Array:
+        """Of the target relative to the vehicle, over the first piece ``(d,)`` in m/s."""
+        moved = forecast.mean[min(self._stride, len(forecast.mean) - 1)] - forecast.mean[0]
+        return np.asarray(moved / self.planner.problem.period - flat[1, : forecast.mean.shape[1]])
 
 
 def _continued(flat: Array, joined: int) -> Array:

@@ -113,11 +113,15 @@ class RangeLimits:
 
     def value(self, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
         """Range less its spread over the nearest, range plus its spread over the farthest."""
-        line = parameters["mean"] - point.z[: self.dimension]
+        return self.rows(point, parameters["mean"], parameters["covariance"])
+
+    def rows(self, point: FlatPoint, mean: Any, covariance: Any, reach: Any = 0.0) -> Any:
+        """The same of a mean and a covariance, for a target that may be as far as ``reach`` (m) from where it is."""
+        line = mean - point.z[: self.dimension]
         range_ = ca.sqrt(ca.sumsqr(line) + NEAR**2)
         sight = line / range_
-        spread = ca.sqrt(ca.mtimes([sight.T, parameters["covariance"], sight]) + NEAR**2)
-        margin = float(ndtri(self.confidence)) * spread
+        spread = ca.sqrt(ca.mtimes([sight.T, covariance, sight]) + NEAR**2)
+        margin = float(ndtri(self.confidence)) * spread + reach
         rows = []
         if self.nearest is not None:
             rows.append((range_ - margin) / self.nearest)

@@ -5,6 +5,7 @@ Source: equations ``eq4``, ``eq5``, ``eq20`` and ``op_bearings`` of the paper. A
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -164,37 +165,86 @@ class DesiredBearing:
         λ_0 of the paper, the preset direction in 3D ``(3,)``; normalised here. Ignored in 2D.
     phase
         Angle on the circle at t = 0 in radians; zero in the paper.
+    reverse
+        Seconds after which the turn changes its sense, again and again; infinity, the paper's, for never. A steady
+        circle does not tell the target's speed from its range, and a reversal does.
+    leg_start
+        A time in seconds at which the turn begins to go in the sense of ``rate``, for ``reverse`` seconds.
 
     Raises
     ------
     ValueError
-        If the dimension is neither 2 nor 3, the axis is zero, or a number is not finite.
+        If the dimension is neither 2 nor 3, the axis is zero, ``reverse`` is not above 0, or another number is not
+        finite.
     """
 
     dimension: int
     rate: float
     axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
     phase: float = 0.0
+    reverse: float = math.inf
+    leg_start: float = 0.0
 
     def __post_init__(self) -> None:
         if self.dimension not in (2, 3):
             raise ValueError(f"dimension must be 2 or 3, found {self.dimension}")
-        vector("rate and phase", (self.rate, self.phase), 2)
+        vector("rate, phase and leg_start", (self.rate, self.phase, self.leg_start), 3)
+        if not self.reverse > 0.0:
+            raise ValueError(f"reverse: found {self.reverse}; allowed: a number above 0")
         if self.dimension == 3 and not np.any(vector("axis", self.axis, 3)):
             raise ValueError(f"axis must not be zero, found {self.axis}")
 
     def __call__(self, times: ArrayLike) -> Array:
         """Desired bearings ``(..., d)`` at the times ``(...)`` in seconds."""
-        angle = self.phase + self.rate * np.asarray(times, dtype=float)
+        angle = self.phase + self.rate * self.turned(times)
         circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         if self.dimension == 2:
             return circle
         axis = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
         return np.asarray(np.sqrt(3.0) / 3.0 * axis + np.sqrt(6.0) / 3.0 * circle @ tangent_basis(axis).T)
 
+    def turned(self, times: ArrayLike) -> Array:
+        """Seconds of turning at the times ``(...)`` in seconds: those forth, from zero, less those back.
+
+        Without reversals that is the time itself.
+        """
+        t = np.asarray(times, dtype=float)
+        if math.isinf(self.reverse):
+            return t
+        into = np.mod(t - self.leg_start, 2.0 * self.reverse)
+        return np.minimum(into, 2.0 * self.reverse - into)
+
     def beginning_at(self, time: float, bearing: ArrayLike) -> DesiredBearing:
         """The same turn, shifted so that at ``time`` (s) it is as near as it gets to a bearing ``(d,)``."""
-        b = np.asarray(bearing, dtype=float)
+        return replace(self, phase=float(self._angle(bearing) - self.rate * self.turned(time)))
+
+    def reversing_from(self, time: float, line: ArrayLike, velocity: ArrayLike) -> DesiredBearing:
+        """The same turn with a leg that begins at ``time`` (s), in the sense in which the line of sight turns already.
+
+        Parameters
+        ----------
+        time
+            In seconds.
+        line
+            From the vehicle to the target, ``(d,)`` in metres.
+        velocity
+            Of its end relative to its beginning, ``(d,)`` in m/s.
+        """
+        if math.isinf(self.reverse):
+            return self
+        across, along = self._plane(velocity), self._plane(line)
+        agrees = self.rate * (along[0] * across[1] - along[1] * across[0]) >= 0.0
+        begins = replace(self, leg_start=time if agrees else time - self.reverse)
+        return begins.beginning_at(time, line)
+
+    def _plane(self, direction: ArrayLike) -> Array:
+        """Components ``(2,)`` of a direction ``(d,)`` in the plane of the circle."""
+        b = np.asarray(direction, dtype=float)
         if self.dimension == 3:
             b = tangent_basis(np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)).T @ b
-        return replace(self, phase=float(np.arctan2(b[1], b[0])) - self.rate * time)
+        return b
+
+    def _angle(self, bearing: ArrayLike) -> float:
+        """On the circle, in radians, of the point nearest to a bearing ``(d,)``."""
+        x, y = self._plane(bearing)
+        return float(np.arctan2(y, x))

@@ -182,6 +182,28 @@ class LimitFromMoments(Protocol):
         """
 
 
+@runtime_checkable
+class LimitFromMotion(Protocol):
+    """Like :class:`LimitFromMoments`, where the position at the knot before counts as well."""
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[int, int]]:
+        """Parameters at one time: name to matrix shape."""
+
+    def at_knot_after(self, mean: Any, covariance: Any, present: Any, before: Any, later: Any) -> Mapping[str, Any]:
+        """CasADi expressions of the parameters.
+
+        Parameters
+        ----------
+        mean, covariance, present
+            See :meth:`LimitFromMoments.at_knot`.
+        before
+            μ ``(d,)`` at the knot before; at the beginning of the plan that of the present.
+        later
+            0 at the beginning of the plan, 1 after it.
+        """
+
+
 Constraint = PathConstraint | MovingConstraint
 """Whatever a problem can be subject to."""
 

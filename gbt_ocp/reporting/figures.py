@@ -40,8 +40,8 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
     history
         The run.
     configuration
-        The mapping of ``config.yaml``; read are ``sensor.period_s`` and, if the summary lacks it,
-        ``vehicle.thrust_max``.
+        The mapping of ``config.yaml``; read are ``sensor.period_s`` (of a list the shortest) and, if the summary
+        lacks it, ``vehicle.thrust_max``.
     summary
         The mapping of ``summary.json``; read are ``settling_s`` and ``thrust_max``.
 
@@ -55,7 +55,11 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
     ValueError
         If a value is missing in the configuration, or does not fit the history.
     """
-    period = _value(configuration, "sensor", "period_s")
+    sensors = configuration.get("sensor")
+    if isinstance(sensors, list) and sensors:
+        period: Any = min((_value({"sensor": one}, "sensor", "period_s") for one in sensors), default=None)
+    else:
+        period = _value(configuration, "sensor", "period_s")
     if not isinstance(period, int | float) or not 0.0 < period < np.inf:
         raise ValueError(f"{run_folder.CONFIGURATION}: sensor.period_s: found {period!r}; allowed: a number > 0")
     # of a problem's own vehicle, only the summary has the limits

@@ -10,9 +10,10 @@ import numpy as np
 
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle, acceleration
-from gbt_ocp.ocp.follower import BANDWIDTH, Follower, samples
+from gbt_ocp.ocp.follower import BANDWIDTH, samples
 from gbt_ocp.ocp.plan import Plan
-from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory
+from gbt_ocp.ocp.trajectory import FlatTrajectory
+from gbt_ocp.pilot.plan_follower import ON_PLAN, PlanFollower, point_of
 from gbt_ocp.simulation.plant import Motion, Plant, gives_power
 from gbt_ocp.typing import Array
 
@@ -21,9 +22,6 @@ GRID = 101
 
 ROUND_OFF = 1.0e-9
 """Relative excess of a thrust over its limit that counts as round-off."""
-
-ON_PLAN = 1.0e-6
-"""Distance from a plan (m, rad, and per second) that counts as on it."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +96,7 @@ class Mover:
         self._period = period
         self._follow = follow
         self._motion = Motion(Plant(vehicle) if plant is None else plant)
-        self._follower = Follower(vehicle, bandwidth)
+        self._follower = PlanFollower(vehicle, bandwidth)
         n = vehicle.flat_dimension
         z, dz, ddz = (ca.SX.sym(name, n) for name in ("z", "dz", "ddz"))
         self._thrust_at = ca.Function("thrust", [z, dz, ddz], [vehicle.inputs(z, dz, ddz)])
@@ -127,7 +125,7 @@ class Mover:
             return Move(end, reached, thrust[0], peak, off_plan=0.0, thrust_mean=mean, power=power)
 
         def applied(s: float) -> Array:
-            wanted = np.asarray(self._thrust_at(*_point(through, s))).ravel()
+            wanted = np.asarray(self._thrust_at(*point_of(through, s))).ravel()
             return self._range.clip(wanted)
 
         before = self._motion.work
@@ -164,17 +162,14 @@ class Mover:
 
     def _led_back(self, state: Array, piece: FlatTrajectory, water: Array, clipped: bool) -> Move:
         """Follow a piece with feedback, whose thrust is held between its samples, in the frame of the water."""
-        through, d = piece.moving(-water), len(water)
+        through = piece.moving(-water)
         count = samples(self._period)
         step = self._period / count
         asked: list[Array] = []
         before = self._motion.work
         for number in range(count):
-            now, middle = _point(through, number * step), _point(through, (number + 0.5) * step)
-            z, dz = (values.copy() for values in self._vehicle.flat(state))
-            z[:d] -= number * step * water
-            dz[:d] -= water
-            asked.append(self._follower.thrust(now, middle, z, dz))
+            now, middle = number * step, (number + 0.5) * step
+            asked.append(self._follower.thrust(through, now, middle, water, *self._vehicle.flat(state)))
             state = self._motion.advance(state, lambda s, held=asked[-1]: held, step)  # type: ignore[misc]
         peak = np.max(self._range.used(asked), axis=0)
         power = (self._motion.work - before) / self._period
@@ -196,8 +191,3 @@ class Mover:
         d = self._vehicle.position_dimension
         off = float(np.linalg.norm(z[:d] - planned[0, :d]))
         return Move(np.vstack([z, dz, planned[2:]]), state, thrust, peak, clipped, off, mean, power)
-
-
-def _point(piece: FlatTrajectory, s: float) -> FlatPoint:
-    """z, ż, z̈ after ``s`` seconds of a trajectory of one piece."""
-    return FlatPoint(*(piece(s, order) for order in range(3)))

@@ -9,6 +9,9 @@ from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
 from gbt_ocp.tracking.filters.polynomial import PolynomialRegression
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.gp.lmc import CoregionalizedTracker
+from gbt_ocp.tracking.held.bank import HeldTurnPrior
+from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
+from gbt_ocp.tracking.intake import SightingTracker, take_in, taken_kinds
 from gbt_ocp.tracking.mixture import MixtureTracker
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal, PositionPrior, RangedPrior
@@ -17,8 +20,10 @@ from gbt_ocp.tracking.protocol import (
     GaussianProcess,
     JointForecast,
     JointlyGaussian,
+    KeepsHypotheses,
     PositionTracker,
     Tracker,
+    WeighedForecasts,
 )
 from gbt_ocp.tracking.shape.processes import ShapePrior
 from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
@@ -30,11 +35,14 @@ __all__ = [
     "Forecast",
     "GaussianProcess",
     "GaussianProcessTracker",
+    "HeldTurnPrior",
+    "HeldTurnTracker",
     "ImmExtendedTracker",
     "ImmPositionTracker",
     "ImmPseudoLinearTracker",
     "JointForecast",
     "JointlyGaussian",
+    "KeepsHypotheses",
     "LogNormal",
     "MixtureTracker",
     "MotionPriors",
@@ -47,5 +55,9 @@ __all__ = [
     "PseudoLinearKalmanFilter",
     "RangedPrior",
     "ShapePrior",
+    "SightingTracker",
     "Tracker",
+    "WeighedForecasts",
+    "take_in",
+    "taken_kinds",
 ]

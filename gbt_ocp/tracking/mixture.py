@@ -28,13 +28,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import digamma, polygamma
 
+from gbt_ocp.models.measurements import MeasurementKind
 from gbt_ocp.tracking.bins import BinnedBearings
 from gbt_ocp.tracking.displacement.rows import bearing_rows, row_covariance
 from gbt_ocp.tracking.displacement.tracker import NoisyGaussianProcessTracker
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.polar import BEARINGS
 from gbt_ocp.tracking.priors import LogNormal
-from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, Tracker, mixed, relative_range_std
+from gbt_ocp.tracking.protocol import (
+    RANGE_OBSERVABLE,
+    Forecast,
+    KeepsHypotheses,
+    Tracker,
+    WeighedForecasts,
+    mixed,
+    relative_range_std,
+)
 from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
 from gbt_ocp.typing import Array
 
@@ -118,6 +128,9 @@ class MixtureTracker(RestartingTracker):
     ValueError
         If the two have not the same dimension.
     """
+
+    takes: tuple[MeasurementKind, ...] = BEARINGS
+    """Kinds of measurements that it takes."""
 
     def __init__(self, motion: MotionShapeTracker, velocity: NoisyGaussianProcessTracker, noise: BearingNoise) -> None:
         if motion.dimension != velocity.dimension:
@@ -219,9 +232,26 @@ class MixtureTracker(RestartingTracker):
         of range over decades, whose mean is nowhere near any of them.
         """
         at = np.atleast_1d(np.asarray(times, dtype=float))
+        weights, parts = self._counted
+        forecasts = [part.predict(at) for part in parts]
+        return Forecast(*mixed(weights, *map(np.array, zip(*forecasts, strict=True))))
+
+    def hypotheses_at(self, times: ArrayLike) -> WeighedForecasts:
+        """What each hypothesis of each model predicts, at times ``(K,)`` that are not past."""
+        at = np.atleast_1d(np.asarray(times, dtype=float))
+        found = []
+        for weight, part in zip(*self._counted, strict=True):
+            if isinstance(part, KeepsHypotheses):
+                shares, means, covariances = part.hypotheses_at(at)
+            else:
+                shares, (means, covariances) = np.ones(1), (values[None] for values in part.predict(at))
+            found.append((weight * shares, means, covariances))
+        return WeighedForecasts(*(np.concatenate(values) for values in zip(*found, strict=True)))
+
+    @property
+    def _counted(self) -> tuple[Array, list[Tracker]]:
+        """The models that a forecast is made of, with weights that sum to one."""
         both: tuple[Tracker, Tracker] = (self.motion, self.velocity)
         weights = self.weights if self.motion.range_observable else np.array([1.0, 0.0])
-        parts = [(w, part) for w, part in zip(weights, both, strict=True) if w > LEAST_WEIGHT]
-        weights = np.array([w for w, _ in parts])
-        forecasts = [part.predict(at) for _, part in parts]
-        return Forecast(*mixed(weights / weights.sum(), *map(np.array, zip(*forecasts, strict=True))))
+        likely = weights > LEAST_WEIGHT
+        return weights[likely] / weights[likely].sum(), [part for part, one in zip(both, likely, strict=True) if one]

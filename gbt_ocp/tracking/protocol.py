@@ -26,6 +26,24 @@ class Forecast(NamedTuple):
     covariance: Array
 
 
+class WeighedForecasts(NamedTuple):
+    """Predicted positions under each of M hypotheses, at K times.
+
+    Attributes
+    ----------
+    weights
+        Probability of each ``(M,)``; they sum to one.
+    means
+        ``(M, K, d)`` in metres.
+    covariances
+        ``(M, K, d, d)`` in m².
+    """
+
+    weights: Array
+    means: Array
+    covariances: Array
+
+
 def mixed(weights: Array, means: Array, covariances: Array) -> tuple[Array, Array]:
     """Mean and covariance of mixtures of M Gaussians.
 
@@ -48,6 +66,14 @@ def mixed(weights: Array, means: Array, covariances: Array) -> tuple[Array, Arra
     covariance = np.einsum("m...,m...ij->...ij", weights, covariances)
     covariance += np.einsum("m...,m...i,m...j->...ij", weights, apart, apart)
     return mean, symmetric(covariance)
+
+
+@runtime_checkable
+class KeepsHypotheses(Protocol):
+    """A tracker that may believe in several motions at once."""
+
+    def hypotheses_at(self, times: ArrayLike) -> WeighedForecasts:
+        """What each of them predicts at the times ``(K,)`` in seconds; their mixture is the forecast."""
 
 
 class JointForecast(NamedTuple):

@@ -20,6 +20,8 @@ from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
 from gbt_ocp.tracking.filters.polynomial import PolynomialRegression
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.gp.lmc import CoregionalizedTracker
+from gbt_ocp.tracking.held.bank import HeldTurnPrior
+from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.mixture import MixtureTracker, velocity_scale
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal, PositionPrior, RangedPrior
@@ -40,7 +42,7 @@ def gaussian_process(
     """Kind ``gp``: for exact bearings, or for noisy ones where ``noise`` says so."""
     noise = noise_of(section, sensor)
     if noise is not None:
-        return _noisy(noise, prior, sensor)
+        return _noisy(noise, prior, sensor, _size_prior(section.size))
     return GaussianProcessTracker(
         len(prior.start),
         window=section.window,
@@ -60,7 +62,14 @@ def noise_of(section: sections.GaussianProcessSection, sensor: BearingSensor) ->
     return section.noise
 
 
-def _noisy(section: NoisyBearingsSection, prior: PositionPrior, sensor: BearingSensor) -> NoisyGaussianProcessTracker:
+def _size_prior(size: tuple[float, ...] | None) -> LogNormal | None:
+    """What is known of the true size, from its median and the share by which it may differ."""
+    return None if size is None else LogNormal(*size)
+
+
+def _noisy(
+    section: NoisyBearingsSection, prior: PositionPrior, sensor: BearingSensor, size: LogNormal | None
+) -> NoisyGaussianProcessTracker:
     """The Gaussian process for noisy bearings."""
     return NoisyGaussianProcessTracker(
         len(prior.start),
@@ -78,6 +87,7 @@ def _noisy(section: NoisyBearingsSection, prior: PositionPrior, sensor: BearingS
         tails=section.tails,
         linearisations=section.linearisations,
         prior=prior,
+        size=size,
     )
 
 
@@ -94,7 +104,7 @@ def _noise(section: NoiseSection, sensor: BearingSensor) -> BearingNoise:
 
 def configured_noise(section: sections.TrackerSection, sensor: BearingSensor) -> BearingNoise | None:
     """The noise of bearings that a tracker is given; ``None`` if it takes them for exact or has no model of it."""
-    if isinstance(section, sections.ShapeSection):
+    if isinstance(section, sections.ShapeSection | sections.HeldTurnSection):
         return _noise(section.noise, sensor)
     if isinstance(section, sections.GaussianProcessSection):
         noisy = noise_of(section, sensor)
@@ -144,6 +154,7 @@ def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: Bearing
         memory=math.inf if section.memory is None else section.memory,
         gate=math.inf if section.gate is None else section.gate,
         position=prior,
+        size=_size_prior(section.size) if isinstance(section, sections.MotionSection) else None,
     )
 
 
@@ -165,6 +176,28 @@ def mixture(section: sections.MixtureSection, prior: PositionPrior, sensor: Bear
         prior=prior,
     )
     return MixtureTracker(shape, velocity, noise)
+
+
+def held_turn(section: sections.HeldTurnSection, prior: PositionPrior, sensor: BearingSensor) -> HeldTurnTracker:
+    """Kind ``held_turn``."""
+    motion_prior = HeldTurnPrior(
+        speed=LogNormal(section.speed.median, section.speed.log_std),
+        range=LogNormal(section.range.median_m, section.range.log_std),
+        turn_stds=section.turn_rate_std,
+        hold=section.hold_s,
+        speed_stds=section.speed_change_std,
+        speed_time=section.speed_time_s,
+        climb_std=section.climb_std,
+    )
+    return HeldTurnTracker(
+        len(prior.start),
+        noise=_noise(section.noise, sensor),
+        prior=motion_prior,
+        bin_width=section.bin_s,
+        components=section.components,
+        gate=math.inf if section.gate is None else section.gate,
+        position=prior,
+    )
 
 
 # ---- the methods that the paper compares with, and their successors -------------------------------------------------
@@ -236,6 +269,7 @@ def extended(
         _first_guess(section, prior),
         process_noise=section.process_noise,
         bearing_std=math.radians(section.bearing_std_deg),
+        size=_size_prior(section.size),
     )
 
 
@@ -244,7 +278,10 @@ def imm_extended(
 ) -> ImmExtendedTracker:
     """Kind ``imm_ekf``."""
     return ImmExtendedTracker(
-        _first_guess(section, prior), _models(section), bearing_std=math.radians(section.bearing_std_deg)
+        _first_guess(section, prior),
+        _models(section),
+        bearing_std=math.radians(section.bearing_std_deg),
+        size=_size_prior(section.size),
     )
 
 

@@ -13,7 +13,14 @@ from gbt_ocp.guidance.objectives import BearingSimilarity
 from gbt_ocp.guidance.past import PastBearings
 from gbt_ocp.models.contracts import made
 from gbt_ocp.ocp import JointObjective, Objective
-from gbt_ocp.tracking.protocol import JointForecast, JointlyGaussian, PositionTracker, Tracker
+from gbt_ocp.tracking.protocol import (
+    JointForecast,
+    JointlyGaussian,
+    KeepsHypotheses,
+    PositionTracker,
+    Tracker,
+    WeighedForecasts,
+)
 
 
 def build_objective(configuration: Configuration) -> Objective | JointObjective:
@@ -36,7 +43,7 @@ def build_past(configuration: Configuration, objective: Objective | JointObjecti
     """Where the window's bearings are kept, for an objective that counts them."""
     if not isinstance(objective, FisherInformation):
         return None
-    period = configuration.sensor.period_s
+    period = configuration.period_s
     span = getattr(configuration.tracker, "window_s", None) or (configuration.tracker.window - 1) * period
     share = period / (configuration.planner.period_s or period)
     return PastBearings(configuration.dimension, span, share, objective.weight)
@@ -60,3 +67,24 @@ def build_joint(
             f"whose posterior does not depend on what is measured, found {configuration.tracker.kind}"
         )
     return tracker.joint
+
+
+def build_hypotheses(
+    configuration: Configuration, tracker: Tracker | PositionTracker | None
+) -> Callable[[ArrayLike], WeighedForecasts] | None:
+    """Where the tracker's hypotheses come from, for a standoff that is kept to each of them.
+
+    Raises
+    ------
+    ValueError
+        If the tracker keeps none.
+    """
+    range_ = configuration.limits.range
+    if range_ is None or range_.hypothesis_probability is None:
+        return None
+    if not isinstance(tracker, KeepsHypotheses):
+        raise ValueError(
+            f"limits.range.hypothesis_probability: found {range_.hypothesis_probability:g} beside tracker.kind "
+            f"{configuration.tracker.kind}, which keeps no hypotheses; allowed: null, or motion_gp or mixture"
+        )
+    return tracker.hypotheses_at

@@ -50,4 +50,7 @@ class DesiredBearingSection(Section):
         "fixed",
         "Where the turn is: on from the x axis by the clock, or in each plan on from the present line of sight.",
     )
+    reverse_s: Positive | None = key(
+        None, "Time in s after which the turn changes its sense, again and again; null for a turn that never does."
+    )
     axis: Direction | None = key(None, "Axis of the turn, in space only (default [0, 0, 1]).")

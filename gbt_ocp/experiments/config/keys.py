@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, get_args, get_origin
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
@@ -97,6 +97,13 @@ def sections_in(annotation: Any) -> list[type[Section]]:
     if isinstance(annotation, type) and issubclass(annotation, Section):
         return [annotation]
     return [section for part in get_args(annotation) for section in sections_in(part)]
+
+
+def listed_in(annotation: Any) -> list[type[Section]]:
+    """Sections of which a type is a list."""
+    if get_origin(annotation) in (tuple, list):
+        return sections_in(annotation)
+    return [section for part in get_args(annotation) for section in listed_in(part)]
 
 
 def kinds_in(annotation: Any) -> list[str]:

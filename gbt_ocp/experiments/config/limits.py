@@ -36,6 +36,16 @@ class RangeLimitSection(Section):
         "forecast",
         "Spread of the posterior ahead: that of the forecast, or the present one, which further bearings will keep.",
     )
+    target_speed_max: Positive | None = key(
+        None,
+        "Largest speed of the target through the water in m/s: plans keep the range to wherever it can be until the "
+        "next plan, a piece later; null trusts the forecast.",
+    )
+    hypothesis_probability: Annotated[float, Field(gt=0.0, lt=1.0)] | None = key(
+        None,
+        "Probability from which on plans keep the range to a hypothesis of the tracker's by itself; null for the "
+        "moments of all together.",
+    )
 
 
 class DepthLimitSection(Section):
@@ -145,13 +155,17 @@ def _shared() -> dict[str, tuple[Any, Any]]:
     key(None, "Distance from the target."),
 )
 def _range(value: RangeLimitSection, problem: TrajectoryProblem) -> Iterator[Constraint]:
+    from gbt_ocp.guidance.standoff import RangeOfHypotheses, ReachableRange
     from gbt_ocp.guidance.target_limits import RangeLimits
 
     near = None if value.nearest_m is None else value.nearest_m + value.margin_m
     far = None if value.farthest_m is None else value.farthest_m - value.margin_m
-    yield RangeLimits(
-        problem.vehicle.position_dimension, near, far, value.confidence, foresee=value.spread == "forecast"
-    )
+    foresee, reach = value.spread == "forecast", (value.target_speed_max or 0.0) * problem.period
+    limits = RangeLimits(problem.vehicle.position_dimension, near, far, value.confidence, foresee=foresee)
+    if value.hypothesis_probability is not None:
+        yield RangeOfHypotheses(limits, value.hypothesis_probability, reach)
+    else:
+        yield ReachableRange(limits, reach) if reach > 0.0 else limits
 
 
 @limit(

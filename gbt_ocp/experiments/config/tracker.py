@@ -21,6 +21,17 @@ from gbt_ocp.experiments.config.keys import (
 )
 from gbt_ocp.experiments.config.noise import NoiseSection, NoisyBearingsSection
 
+SizeNumbers = Annotated[tuple[Positive, ...], Field(min_length=2, max_length=2), BeforeValidator(as_tuples)]
+
+
+def _size() -> Any:
+    return key(
+        None,
+        "True size of the target, its median in m and the share by which it may differ; angular sizes estimate it.",
+        "null, or a list of 2 numbers > 0",
+    )
+
+
 KernelName = Literal["se", "matern32", "matern52", "rq"]
 
 
@@ -96,6 +107,7 @@ class GaussianProcessSection(ProcessSection):
         "paper's tracker, for exact bearings.",
         "sensor, null, or a mapping",
     )
+    size: SizeNumbers | None = _size()
 
 
 class CoregionalizedSection(ProcessSection):
@@ -159,6 +171,7 @@ class MotionSection(ShapeSection):
     """Gaussian process on the shape of the motion."""
 
     kind: Literal["motion_gp"] = key(..., "Gaussian process on turn rate and log speed.")
+    size: SizeNumbers | None = _size()
 
 
 class MixtureSection(ShapeSection):
@@ -170,6 +183,27 @@ class MixtureSection(ShapeSection):
         "Median time scale of the velocity in s; scales from a quarter to four times as long are averaged over.",
         gt=0.0,
     )
+
+
+class HeldTurnSection(TrackerSection):
+    """A bank of filters over the time at which the turn rate was drawn last."""
+
+    kind: Literal["held_turn"] = key(..., "Turn rates that are held and drawn again, in log-polar coordinates.")
+    noise: NoiseSection = Field(default_factory=NoiseSection, description="Noise of the bearings.")
+    bin_s: float = key(0.5, "Width of the bins in s over which bearings are averaged.", gt=0.0)
+    speed: SpeedPriorSection = Field(default_factory=SpeedPriorSection, description="Prior of the target's speed.")
+    range: RangePriorSection = Field(default_factory=RangePriorSection, description="Prior of the target's range.")
+    gate: float | None = key(4.0, "Standardised residual from which a bearing is suspected; null trusts all.", gt=0.0)
+    turn_rate_std: PositiveNumbers = key(
+        (0.03,), "Standard deviations of a turn rate when it is drawn, in rad/s, averaged over."
+    )
+    hold_s: float = key(20.0, "Mean time in s for which a turn rate is held.", gt=0.0)
+    speed_change_std: PositiveNumbers = key(
+        (0.03, 0.1, 0.3), "Standard deviations of the change of log speed, averaged over."
+    )
+    speed_time_s: float = key(30.0, "Time scale of the change of log speed in s.", gt=0.0)
+    climb_std: float = key(0.1, "Standard deviation of a vertical speed when it is drawn, in m/s, in space.", gt=0.0)
+    components: int = key(200, "Gaussians kept once the range is known.", ge=1)
 
 
 class BaselineSection(TrackerSection):
@@ -247,6 +281,7 @@ class ExtendedSection(BaselineSection):
         0.1, "q, spectral density of the acceleration in m^2/s^3 under constant velocity.", gt=0.0
     )
     bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", gt=0.0)
+    size: SizeNumbers | None = _size()
 
 
 class ExtendedKalmanSection(ExtendedSection):

@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 
 from gbt_ocp.experiments.config.allowed import allowed, with_sizes
 from gbt_ocp.experiments.config.faults import Fault, shown, value_at
-from gbt_ocp.experiments.config.keys import Section, kinds_in, kinds_of, sections_in
+from gbt_ocp.experiments.config.keys import Section, kinds_in, kinds_of, listed_in, sections_in
 from gbt_ocp.experiments.config.schema import Configuration
 
 
@@ -74,6 +74,7 @@ def _followed(
         elif isinstance(part, int):
             # one of several sections has its number in the path; a list of numbers is one value
             path = (*path, str(part)) if sections else path
+            sections = listed_in(field.annotation) if field is not None else sections
         else:
             sections = [section for section in sections if part in kinds_of(section)] or sections
     return path, field, sections

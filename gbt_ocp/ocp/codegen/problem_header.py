@@ -87,9 +87,10 @@ void gbt_knot_numbers(const double *origin, const double *moving, const double *
 /* Parameters of the objective at an endpoint, from mean, symmetric root of the covariance and desired bearing. */
 void gbt_prepare(const double *mean, const double *root, const double *desired, double *parameters);
 #if GBT_PRESENT
-/* Parameters of the path constraints at a boundary of the pieces, from mean and covariance there and the covariance at
-   the beginning of the plan. */
-void gbt_prepare_limits(const double *mean, const double *covariance, const double *present, double *moving);
+/* Parameters of the path constraints at a boundary of the pieces, from mean and covariance there, and from the past:
+   the covariance at the beginning of the plan, the mean at the boundary before (at the beginning the one there), and 0
+   at the beginning or 1 after it. */
+void gbt_prepare_limits(const double *mean, const double *covariance, const double *past, double *moving);
 #endif
 #endif
 

@@ -14,12 +14,17 @@ from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle, acceleration
 from gbt_ocp.ocp.check import FINE_POINTS
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_array, c_function, c_source
+from gbt_ocp.ocp.codegen.moment_functions import from_moments as from_moments
+from gbt_ocp.ocp.codegen.moment_functions import moment_functions
 from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.places import Placed, placed
 from gbt_ocp.ocp.codegen.problem_header import HEADER
 from gbt_ocp.ocp.limit_classes import hard_weights, limit_class, limit_names
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, ProblemData
-from gbt_ocp.ocp.terms import Constraint, FromMoments, JointObjective, LimitFromMoments
+from gbt_ocp.ocp.terms import (
+    Constraint,
+    JointObjective,
+)
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.ocp.transcription import (
     constraint_value,
@@ -117,7 +122,7 @@ def generate_problem(problem: ProblemData, options: CompiledOptions | None = Non
     wide = [
         c_function("gbt_end_numbers", [origin, parameters], objective.located),
         c_function("gbt_knot_numbers", [origin, moving], located),
-        *_of_moments(problem),
+        *moment_functions(problem),
     ]
     table = ",\n".join(limit.definition for limit in limits) or "    {0}"
     source = "\n".join(
@@ -140,13 +145,6 @@ def generate_problem(problem: ProblemData, options: CompiledOptions | None = Non
     return GeneratedProblem(header, source)
 
 
-def from_moments(problem: ProblemData) -> bool:
-    """Whether the moments of a forecast are all that the problem needs."""
-    return all(isinstance(term, FromMoments) or not term.shapes for term in problem.objectives) and all(
-        isinstance(constraint, LimitFromMoments) for constraint in problem.constraints if limit_size(constraint)
-    )
-
-
 def _of_vehicle(vehicle: Vehicle) -> list[ca.Function]:
     """Thrust and acceleration, which the planner around the solver needs."""
     size = vehicle.flat_dimension
@@ -162,28 +160,6 @@ def _depends_on_place(vehicle: Vehicle) -> bool:
     """Whether the dynamics depend on the position, as in a current that differs from place to place."""
     z, dz, ddz = (ca.SX.sym(name, vehicle.flat_dimension) for name in ("z", "dz", "ddz"))
     return bool(ca.depends_on(ca.vertcat(vehicle.inputs(z, dz, ddz)), z[: vehicle.position_dimension]))
-
-
-def _of_moments(problem: ProblemData) -> list[ca.Function]:
-    """The parameters from the moments of a forecast, where these are all that is needed."""
-    if not from_moments(problem):
-        return []
-    d = problem.vehicle.position_dimension
-    mean, root, desired = ca.SX.sym("mean", d), ca.SX.sym("root", d, d), ca.SX.sym("desired", d)
-    stacked = [ca.SX(0, 1)]
-    for term in problem.objectives:
-        if isinstance(term, FromMoments):
-            values = term.from_moments(mean, root, desired)
-            stacked += [ca.vec(ca.densify(values[name])) for name in term.shapes]
-    functions = [c_function("gbt_prepare", [mean, root, desired], ca.vertcat(*stacked))]
-    covariance, present, numbers = ca.SX.sym("covariance", d, d), ca.SX.sym("present", d, d), []
-    for constraint in problem.constraints:
-        if isinstance(constraint, LimitFromMoments):
-            values = constraint.at_knot(mean, covariance, present)
-            numbers += [ca.vec(ca.densify(values[name])) for name in constraint.shapes]
-    if numbers:
-        functions.append(c_function("gbt_prepare_limits", [mean, covariance, present], ca.vertcat(*numbers)))
-    return functions
 
 
 def _split(point: ca.SX, size: int) -> FlatPoint:

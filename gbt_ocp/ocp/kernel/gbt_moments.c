@@ -76,11 +76,13 @@ void gbt_bind(const double *base, const double *origin, const gbt_real *mean, co
     for (int i = 0; i <= GBT_PIECES; i++) {
         double moving[GBT_MOVING + 1];
 #if GBT_PRESENT
-        double present[D * D];
-        widen(covariance, D * D, present);
+        double past[D * D + D + 1];
+        widen(covariance, D * D, past);
+        place_of(base, mean + (i > 0 ? i - 1 : 0) * D, past + D * D);
+        past[D * D + D] = i > 0;
         widen(covariance + i * D * D, D * D, matrix);
         place_of(base, mean + i * D, place);
-        gbt_prepare_limits(place, matrix, present, moving);
+        gbt_prepare_limits(place, matrix, past, moving);
 #endif
         gbt_place_knots(origin, moving, 1, numbers + GBT_LIMIT_NUMBERS + i * GBT_KNOT_NUMBERS);
     }

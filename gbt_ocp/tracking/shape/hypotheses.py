@@ -78,6 +78,16 @@ class MotionHypotheses:
         return self.fit[likely], weights[likely] / weights[likely].sum()
 
     @property
+    def likely_motions(self) -> tuple[Array, list[tuple[LaplaceFit, Array]]]:
+        """Probability of each hypothesis that counts ``(M,)``, and its fits with weights that sum to one."""
+        weights = self.weights
+        likely = weights > np.exp(NEGLIGIBLE)
+        groups = [likely & (self.labels == name) for name in np.unique(self.labels[likely])]
+        totals = np.array([weights[group].sum() for group in groups])
+        parts = [(self.fit[group], weights[group] / weights[group].sum()) for group in groups]
+        return totals / totals.sum(), parts
+
+    @property
     def log_evidence(self) -> float:
         """Logarithm of the density of the mean bearings in the window, in angles, averaged over the grid."""
         return _log_mean(self.fit.log_evidence) + float(np.log(np.max(self.labels) + 1.0))
