@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gbt_ocp.experiments.build.estimators import configured_noise
 from gbt_ocp.experiments.config.tracker import TrackerSection
@@ -48,12 +50,30 @@ def replay_noise_warnings(
     compared with each other.
     """
     configured = configured_noise(section, sensor)
-    noise = BearingNoise(max(UNSTATED, sensor.noise)) if configured is None else _at_least(configured)
+    for chosen, noise in _noises(log, configured, sensor):
+        measures = [standardised_kinks(log.times[chosen], log.bearings[chosen], noise)]
+        if configured is not None:
+            before = Forecast(track.before.mean[chosen], track.before.covariance[chosen])
+            measures.append(standardised_innovations(before, log.own[chosen], log.bearings[chosen], noise))
+        lines = _line(track.name, disagreement(measures), noise)
+        if lines:
+            return lines
+    return []
+
+
+def _noises(
+    log: BearingLog, configured: BearingNoise | None, sensor: BearingSensor
+) -> Iterator[tuple[NDArray[np.bool_], BearingNoise]]:
+    """Which bearings have which noise: those that do not say theirs the configured one, each sensor its own."""
     seen = np.isfinite(log.bearings).all(axis=1)
-    measures = [standardised_kinks(log.times[seen], log.bearings[seen], noise)]
-    if configured is not None:
-        measures.append(standardised_innovations(track.before, log.own, log.bearings, noise))
-    return _line(track.name, disagreement(measures), noise)
+    stds = np.array([np.nanmax(one.std) if np.isfinite(one.std).any() else np.nan for one in log.sightings])
+    silent = seen & np.isnan(stds)
+    if silent.any():
+        yield silent, BearingNoise(max(UNSTATED, sensor.noise)) if configured is None else _at_least(configured)
+    names = np.array([one.sensor for one in log.sightings])
+    for name in dict.fromkeys(names[seen & ~silent].tolist()):
+        of_sensor = seen & ~silent & (names == name)
+        yield of_sensor, _at_least(BearingNoise(float(np.median(stds[of_sensor]))))
 
 
 def run_noise_warnings(
