@@ -153,6 +153,43 @@ def ros2_bag(path, log, storage="sqlite3"):
     return Path(path)
 
 
+def ros1_bag(path, log):
+    """The messages of :func:`ros2_bag` in a bag of ROS 1."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    types = store.types
+    vector, point = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Point"]
+    zero, level = vector(x=0.0, y=0.0, z=0.0), types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
+
+    def header(time):
+        whole, rest = divmod(nanoseconds(time), 10**9)
+        now = types["builtin_interfaces/msg/Time"](sec=whole, nanosec=rest)
+        return types["std_msgs/msg/Header"](seq=0, stamp=now, frame_id="")
+
+    with Writer(path) as writer:
+        odometry = writer.add_connection("/odom", "nav_msgs/msg/Odometry", typestore=store)
+        bearings = writer.add_connection("/sonar/bearing", "geometry_msgs/msg/Vector3Stamped", typestore=store)
+        for k, time in enumerate(log.times):
+            pose = types["geometry_msgs/msg/Pose"](
+                position=point(x=log.own[k, 0], y=log.own[k, 1], z=-3.0), orientation=level
+            )
+            twist = types["geometry_msgs/msg/Twist"](linear=zero, angular=zero)
+            message = types["nav_msgs/msg/Odometry"](
+                header=header(time),
+                child_frame_id="",
+                pose=types["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=np.zeros(36)),
+                twist=types["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=np.zeros(36)),
+            )
+            writer.write(odometry, nanoseconds(time), store.serialize_ros1(message, "nav_msgs/msg/Odometry"))
+            seen = types["geometry_msgs/msg/Vector3Stamped"](
+                header=header(time), vector=vector(x=log.azimuth[k], y=0.0, z=0.0)
+            )
+            writer.write(bearings, nanoseconds(time), store.serialize_ros1(seen, "geometry_msgs/msg/Vector3Stamped"))
+    return Path(path)
+
+
 HEADER_TEXT = """std_msgs/Header header
 {}
 ================================================================================

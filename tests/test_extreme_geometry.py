@@ -20,7 +20,21 @@ from gbt_ocp.tracking.protocol import PositionTracker
 FEW = settings(max_examples=60, deadline=None, database=None, derandomize=True, suppress_health_check=list(HealthCheck))
 REACHES = [1e-9, 1e-3, 1.0, 50.0, 1e6]
 ANGLES = [0.0, np.pi, -np.pi, np.nextafter(np.pi, 0.0), 0.5 * np.pi, -0.5 * np.pi, 1e-12, 1.0]
-KINDS = ["gp", "lmc", "motion_gp", "mixture", "oe_s", "oe_cv", "plkf", "imm_plkf", "ekf", "imm_ekf", "imm_kf_f", "pr"]
+KINDS = [
+    "gp",
+    "lmc",
+    "motion_gp",
+    "mixture",
+    "held_turn",
+    "oe_s",
+    "oe_cv",
+    "plkf",
+    "imm_plkf",
+    "ekf",
+    "imm_ekf",
+    "imm_kf_f",
+    "pr",
+]
 TRACKERS = {
     **{kind: [f"tracker.kind={kind}"] for kind in KINDS},
     "noisy gp": ["sensor.noise_deg=1.0"],

@@ -183,7 +183,7 @@ def test_what_is_accepted_runs(tmp_path, examples, capsys):
         return run_and_judge(found, tmp_path / str(next(number)))
 
     counts = fuzz(mappings(), judged, examples)
-    assert counts[0] > 0.1 * examples
+    assert counts[0] >= 0.1 * examples
 
 
 @pytest.mark.slow

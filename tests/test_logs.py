@@ -1,5 +1,6 @@
 """The same log in five formats and three frames gives the same track; what a log lacks is said in one line."""
 
+import gzip
 import math
 import re
 from pathlib import Path
@@ -267,6 +268,42 @@ def test_a_bag_with_mcap_inside_is_a_bag(tmp_path):
     pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed (extra mcap)")
     np.testing.assert_array_equal(read_log(inside, "x").bearings, one.bearings)
     np.testing.assert_array_equal(read_log(next((tmp_path / "a").glob("*.db3")), "x").bearings, one.bearings)
+
+
+def test_a_bag_of_ros_1_reads_as_one_of_ros_2(tmp_path):
+    pytest.importorskip("rosbags", reason="rosbags is not installed (extra ros)")
+    log = write.sailed(10.0)
+    found = read_log(write.ros1_bag(tmp_path / "log.bag", log), "x")
+    np.testing.assert_array_equal(
+        found.bearings[:, :2], read_log(write.ros2_bag(tmp_path / "bag", log), "x").bearings[:, :2]
+    )
+    np.testing.assert_array_equal(found.times, log.times)
+
+
+def test_stamps_that_are_not_set_are_refused(tmp_path):
+    pytest.importorskip("rosbags", reason="rosbags is not installed (extra ros)")
+    log = write.sailed(5.0)
+    path = write.ros2_bag(tmp_path / "bag", write.Sailed(**{**vars(log), "times": 0.0 * log.times}))
+    with pytest.raises(ConfigurationError, match=r"/odom: header.stamp: found 0 in all messages; allowed: stamps"):
+        read_log(path, "x")
+
+
+def test_a_packed_log_of_imc_reads_and_one_that_unpacks_to_far_more_is_refused(tmp_path, monkeypatch):
+    path, _ = written("imc", tmp_path, write.sailed(5.0))
+    packed = tmp_path / "log.lsf.gz"
+    packed.write_bytes(gzip.compress(path.read_bytes()))
+    np.testing.assert_array_equal(read_log(packed).bearings, read_log(path).bearings)
+    monkeypatch.setattr("gbt_ocp.experiments.logs.imc_log.UNPACKED", 1000)
+    monkeypatch.setattr("gbt_ocp.experiments.logs.imc_log.PACKED", 1)
+    with pytest.raises(ConfigurationError, match=r"cannot be read \(more than .* bytes when it is unpacked\)"):
+        read_log(packed)
+
+
+def test_where_bearings_are_from_is_not_said_twice(tmp_path):
+    path, _ = written("mavlink", tmp_path, write.sailed(5.0))
+    assert read_log(path).warnings == ()
+    (line,) = read_log(path, "north").warnings
+    assert line == f"{path}: bearings from north are not asked for: the mapping says where they are counted from"
 
 
 @pytest.mark.parametrize("name", FORMATS)

@@ -320,7 +320,7 @@ def test_in_an_ordinary_run_there_are_no_notes_after_the_start(name):
         pilot.measure(gbt.Measurement.of_direction(t, 20.0 * (name == "sea2d") + target.position(t) - pose[:2]))
         command = pilot.command(t)
         if command.setpoint is not None:
-            _, pose, velocity = command.setpoint
+            pose, velocity = command.setpoint.pose, command.setpoint.velocity
         notes.update(command.health.notes)
     assert notes <= {"fallback"}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from typing import get_args
 
@@ -209,3 +210,13 @@ def test_pings_make_a_run_better(kind):
         result = gbt.run(configuration)
         errors.append(result.summary["error_settled"])
     assert errors[1] < 0.6 * errors[0]
+
+
+def test_a_sensor_whose_noise_is_known_is_no_reason_for_a_warning():
+    """The tracker's own noise is 0.1°, that of the listed sensor 8°; as the only `sensor` it is warned of."""
+    settings = ["duration_s=6", "guidance.kind=static", "tracker.kind=ekf"]
+    for sensor, warned in (([{**SONAR, "noise_deg": 8.0}], False), ({"noise_deg": 8.0}, True)):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            result = gbt.run(gbt.load_config({"problem": "case2", "sensor": sensor}, settings))
+        assert any("a quarter of the bearings" in line for line in result.summary["warnings"]) is warned

@@ -211,6 +211,18 @@ def test_measurements_that_a_tracker_does_not_take_are_said(tmp_path):
         replay(ranges, {"tracker": {"kind": "oe_cv"}})
 
 
+def test_times_that_no_date_can_have_are_no_dates(tmp_path):
+    """A clock of IMC that was never set, or is broken, ends no replay that is finished."""
+    pytest.importorskip("imcpy", reason="imcpy is not installed (extra imc)")
+    log = write.sailed(10.0)
+    for begin, dates in ((0.0, True), (1e12, False), (write.START, True)):
+        moved = write.Sailed(**{**vars(log), "times": log.times - log.times[0] + begin})
+        found = replay(write.lsf(tmp_path / "log.lsf", moved), QUICK)
+        assert found.log.since_epoch == dates
+        out = found.save(tmp_path / f"{begin:.0f}", figures=False)
+        assert (b"<time>" in (out / "tracks.gpx").read_bytes()) == dates
+
+
 STAGE = """
 const fs = require("fs");
 const text = fs.readFileSync(process.argv[2], "utf8");

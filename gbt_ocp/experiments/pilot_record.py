@@ -90,7 +90,7 @@ def command_as_json(command: PilotCommand) -> dict[str, Any]:
     health, setpoint, decided = command.health, command.setpoint, command.decided
     found: dict[str, Any] = {
         "thrust": command.thrust,
-        "setpoint": None if setpoint is None else setpoint._asdict(),
+        "setpoint": None if setpoint is None else asdict(setpoint),
         "range_known": command.range_known,
         "health": asdict(health),
     }

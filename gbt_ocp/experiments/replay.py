@@ -163,6 +163,10 @@ def replay(
         origin_deg=section.origin_deg,
         in_plane=section.in_plane,
         heading_std=math.radians(section.heading_std_deg),
+        stds={
+            "range": section.range_std_m,
+            "size": None if section.size_std_deg is None else math.radians(section.size_std_deg),
+        },
     )
     exports = _possible_exports(section.export, data)
     for line in data.warnings:
@@ -232,6 +236,9 @@ def replay(
     return Replayed(config, data, tracks, run_folder.strict(summary), exports)
 
 
+LAST_STAMP = 1.8e10
+"""Seconds that a stamp of MCAP holds: 64 bits of nanoseconds."""
+
 EXPORTS = ("csv", "geojson", "gpx", "mcap", "page")
 """Files of the tracks."""
 
@@ -251,8 +258,9 @@ def _possible_exports(asked: Sequence[str], log: BearingLog) -> tuple[str, ...]:
         hindrances = {"geojson": line, "gpx": line}
     try:
         optional_module("mcap.writer", "mcap", "MCAP files")
-        if log.times[0] < 0.0:
-            hindrances["mcap"] = f"found times from {log.times[0]:.15g} s; allowed: times from 0 on"
+        outside = [time for time in (log.times[0], log.times[-1]) if not 0.0 <= time < LAST_STAMP]
+        if outside:
+            hindrances["mcap"] = f"found a time of {outside[0]:.15g} s; allowed: those from 0 to {LAST_STAMP:.3g} s"
     except ValueError as fault:
         hindrances["mcap"] = str(fault)
     faults = [f"--export: {name}: {hindrances[name]}" for name in asked if name in hindrances]

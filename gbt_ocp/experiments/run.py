@@ -144,7 +144,9 @@ def run(
     # the configuration has `auto`, which does not name the solver that was chosen
     planner = planner_of(loop.guidance)
     summary["solver"] = planner.solver.name if isinstance(planner, Planner) else None
-    afterwards = run_noise_warnings(history, configuration.tracker, loop.sensor, configuration.forecast_period)
+    afterwards = run_noise_warnings(
+        history, configuration.tracker, loop.sensor, configuration.forecast_period, loop.sensors is not None
+    )
     if recording.new_tracks:
         afterwards.append(gap_warning(configuration.tracker.kind, recording.new_tracks))
     for line in afterwards:

@@ -73,7 +73,7 @@ class BearingSensor:
         return rotate_bearing(bearing, angle) if np.any(angle) else bearing
 
 
-STEEPEST = 1.0e-3
+LEAST_LEVEL_SHARE = 1.0e-3
 """Least cosine of the elevation by which the deviation of an azimuth grows."""
 
 
@@ -190,7 +190,7 @@ class SimulatedSensor:
             return ahead, np.full(target.size, self.std)
         azimuth = np.arctan2(line[1], line[0]) - turn
         elevation = np.arctan2(line[-1], level)
-        steep = max(level / far, STEEPEST) if line.size == 3 else 1.0
+        steep = max(level / far, LEAST_LEVEL_SHARE) if line.size == 3 else 1.0
         both = {
             "azimuth": ([azimuth], [self.std / steep]),
             "elevation": ([elevation], [self.std]),

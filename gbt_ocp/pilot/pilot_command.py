@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,26 +12,9 @@ from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.pilot.online_loop import Decided
 from gbt_ocp.pilot.pilot_health import PilotHealth
+from gbt_ocp.pilot.setpoint import Setpoint, setpoint_of
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
-
-
-class Setpoint(NamedTuple):
-    """Where the vehicle should be.
-
-    Attributes
-    ----------
-    time
-        In seconds.
-    pose
-        Position and yaw ``(d+1,)``, earth frame, metres and radians.
-    velocity
-        Velocity over ground in the body frame and yaw rate ``(d+1,)``, m/s and rad/s.
-    """
-
-    time: float
-    pose: Array
-    velocity: Array
 
 
 @dataclass(frozen=True)
@@ -54,8 +36,8 @@ class PilotCommand:
         The last step of the online loop; ``None`` before the first navigation.
     vehicle
         The model.
-    period
-        T in seconds.
+    lead
+        How far ahead on the plan the setpoint is taken, in seconds.
     """
 
     time: float
@@ -64,7 +46,7 @@ class PilotCommand:
     health: PilotHealth
     decided: Decided | None
     vehicle: Vehicle
-    period: float
+    lead: float
 
     @property
     def plan(self) -> Plan | ShootingPlan | None:
@@ -83,15 +65,14 @@ class PilotCommand:
 
     @cached_property
     def setpoint(self) -> Setpoint | None:
-        """Where the vehicle should be a period after :attr:`time`; ``None`` where only thrust is asked for."""
+        """Where the vehicle should be :attr:`lead` after :attr:`time`; ``None`` where only thrust is asked for."""
         if self.decided is None:
             return None
-        decision, end = self.decided.decision, self.time + self.period
+        decision, end = self.decided.decision, self.time + self.lead
         if isinstance(decision, Placement):
             pose = np.append(decision.position, 0.0)
             return Setpoint(end, pose, np.zeros_like(pose))
         if not isinstance(decision, Plan):
             return None
-        since = decision.elapsed + (self.time - self.decided.time) + self.period
-        state = self.vehicle.state(decision.trajectory(since), decision.trajectory(since, 1))
-        return Setpoint(end, self.vehicle.pose(state), self.vehicle.velocity(state))
+        since = decision.elapsed + (self.time - self.decided.time) + self.lead
+        return setpoint_of(decision, self.vehicle, since, end)

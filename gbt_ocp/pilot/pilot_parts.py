@@ -30,6 +30,8 @@ class PilotParts:
         Seconds between them.
     follow_bandwidth
         ω in rad/s of the follower that gives the thrust between two plans.
+    lead
+        How far ahead on the plan setpoints are taken, in seconds: about an autopilot's lag; ``None`` for a period.
     late
         Age in seconds up to which inputs that come late are taken.
     navigation_gap
@@ -54,6 +56,7 @@ class PilotParts:
     forecast: int
     forecast_period: float
     follow_bandwidth: float = BANDWIDTH
+    lead: float | None = None
     late: float = 2.0
     navigation_gap: float = 1.0
     bearing_std: float = 0.0

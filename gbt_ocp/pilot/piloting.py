@@ -47,6 +47,7 @@ class Piloting:
         self._online = OnlineLoop(
             parts.tracker, parts.guidance, forecast=parts.forecast, forecast_period=parts.forecast_period
         )
+        self._lead = parts.period if parts.lead is None else parts.lead
         self._follower = PlanFollower(parts.vehicle, parts.follow_bandwidth)
         planner = planner_of(parts.guidance)
         self._joined = 2 if planner is None else planner.problem.joined
@@ -153,7 +154,7 @@ class Piloting:
         own = self._own.at(t, bridging=True)
         if own is None or self._intake is None:
             nothing = np.zeros(len(self.parts.vehicle.thrust_max))
-            return PilotCommand(t, nothing, False, self._health(t), None, self.parts.vehicle, self.parts.period)
+            return PilotCommand(t, nothing, False, self._health(t), None, self.parts.vehicle, self._lead)
         self._settle(t, self._intake)
         period = self.parts.period
         hold = period if last is None else min(t - last.time, period)
@@ -167,7 +168,9 @@ class Piloting:
         if thrust is not None:
             self._thrusts.append((t, thrust))
         self._now = t
-        self._last = PilotCommand(t, thrust, self._range_known, self._health(t), decided, self.parts.vehicle, period)
+        self._last = PilotCommand(
+            t, thrust, self._range_known, self._health(t), decided, self.parts.vehicle, self._lead
+        )
         return self._last
 
     def _settle(self, time: float, intake: OrderedIntake) -> None:

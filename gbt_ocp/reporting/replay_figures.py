@@ -204,12 +204,22 @@ def _residuals(log: BearingLog, tracks: Sequence[ReplayedTrack]) -> Figure:
     figure = style.new_figure(1.2 + 1.1 * len(tracks))
     panels = np.atleast_1d(figure.subplots(len(tracks), 1, sharex=True, sharey=True))
     t = log.times - log.times[0]
+    names = np.array([one.sensor for one in log.sightings])
+    sensors = list(dict.fromkeys(names.tolist()))
     for axes, track, (colour, _) in zip(panels, tracks, cycle(style.CURVES), strict=False):
-        for values in np.rad2deg(track.residual).T:
-            axes.plot(t, values, ".", color=colour, markersize=1.5)
+        for name, (of_sensor, _) in zip(sensors, cycle(style.CURVES), strict=False):
+            single = len(sensors) == 1
+            for values in np.rad2deg(track.residual[names == name]).T:
+                label = None if single or axes is not panels[0] else name
+                axes.plot(
+                    t[names == name], values, ".", color=colour if single else of_sensor, markersize=1.5, label=label
+                )
         axes.set_title(track.name, loc="left")
         axes.set_ylabel("residual [deg]")
-    spread = [np.nanquantile(np.abs(np.rad2deg(track.residual)), 0.98) for track in tracks]
-    panels[0].set_ylim(-1.3 * max(spread), 1.3 * max(spread))
+    known = [np.abs(np.rad2deg(track.residual[np.isfinite(track.residual)])) for track in tracks]
+    spread = max((float(np.quantile(values, 0.98)) for values in known if values.size), default=1.0)
+    panels[0].set_ylim(-1.3 * max(spread, 1e-9), 1.3 * max(spread, 1e-9))
     style.time_axis(panels[-1], float(t[-1]))
+    if len(sensors) > 1:
+        style.legend_above(figure, panels[0], 4)
     return figure

@@ -89,8 +89,10 @@ def _track(log: BearingLog, track: ReplayedTrack, colour: str) -> dict[str, Any]
     distance = np.linalg.norm(track.mean - log.own, axis=1)
     geographic = None
     if log.plane is not None:
-        latitude, longitude, _ = log.plane.from_plane(track.mean)
-        geographic = np.rad2deg(np.column_stack([latitude, longitude]))
+        geographic = np.full((len(track.times), 2), np.nan)
+        known = np.isfinite(track.mean).all(axis=1)
+        latitude, longitude, _ = log.plane.from_plane(track.mean[known])
+        geographic[known] = np.rad2deg(np.column_stack([latitude, longitude]))
     return {
         "name": track.name,
         "colour": colour,

@@ -231,14 +231,14 @@ SCHEMAS = {
 def write_mcap(path: Path, log: BearingLog, tracks: list[ReplayedTrack]) -> None:
     """Positions, places on the globe and ranges with their deviations as MCAP with messages in JSON.
 
+    Times are from 0 on and fit into 64 bits as nanoseconds.
+
     Raises
     ------
     ValueError
-        If mcap is not installed, or a time is below 0, which the format does not have.
+        If mcap is not installed.
     """
     writing = optional_module("mcap.writer", "mcap", "MCAP files")
-    if log.times[0] < 0.0:
-        raise ValueError(f"t: found {log.times[0]:.15g}; allowed: times from 0 on, as the format has them")
     with path.open("wb") as stream:
         writer = writing.Writer(stream)
         writer.start(profile="", library="gbt_ocp")

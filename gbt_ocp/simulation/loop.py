@@ -62,6 +62,10 @@ class ClosedLoop:
         The vehicle that moves, where it is not the model; not with ``exact``.
     follow_bandwidth
         Of the follower, rad/s.
+    autopilot
+        Time constant in seconds of an autopilot that is given setpoints in place of thrust; ``None`` for thrust.
+    lead
+        How far ahead on the plan its setpoints are taken, in seconds; by default a period.
     sensors
         Several sensors, which take the place of :attr:`sensor`; its period remains that of the loop.
     """
@@ -80,6 +84,8 @@ class ClosedLoop:
     rng: np.random.Generator
     plant: Plant | None = None
     follow_bandwidth: float = BANDWIDTH
+    autopilot: float | None = None
+    lead: float | None = None
     sensors: Sensing | None = None
 
     # isinstance with a protocol takes as long as a step of a cheap tracker, so it is asked once
@@ -171,7 +177,7 @@ def simulate(
         The class of the history; a subclass may declare further arrays.
     """
     period, vehicle = loop.sensor.period, loop.vehicle
-    mover = Mover(vehicle, period, loop.follow, loop.plant, loop.follow_bandwidth)
+    mover = Mover(vehicle, period, loop.follow, loop.plant, loop.follow_bandwidth, loop.autopilot, loop.lead)
     flat = np.asarray(start, dtype=float)
     state = vehicle.state(flat[0], flat[1])
     steps = step_count(duration, period)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import count
 from typing import Literal
 
 import casadi as ca
@@ -14,6 +17,8 @@ from gbt_ocp.ocp.follower import BANDWIDTH, samples
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.pilot.plan_follower import ON_PLAN, PlanFollower, point_of
+from gbt_ocp.pilot.setpoint import setpoint_of
+from gbt_ocp.simulation.autopilot import Autopilot
 from gbt_ocp.simulation.plant import Motion, Plant, gives_power
 from gbt_ocp.typing import Array
 
@@ -74,6 +79,10 @@ class Mover:
         What moves; by default the model itself.
     bandwidth
         Of the follower in rad/s, with ``feedback``.
+    autopilot
+        Time constant in seconds of an autopilot that is given setpoints in place of thrust; ``None`` for thrust.
+    lead
+        How far ahead on the plan its setpoints are taken, in seconds; by default a period.
 
     Raises
     ------
@@ -88,8 +97,10 @@ class Mover:
         follow: Literal["exact", "dynamics", "feedback"],
         plant: Plant | None = None,
         bandwidth: float = BANDWIDTH,
+        autopilot: float | None = None,
+        lead: float | None = None,
     ) -> None:
-        if follow == "exact" and plant is not None:
+        if follow == "exact" and plant is not None and autopilot is None:
             raise ValueError("vehicle.follow: found exact beside a plant; allowed: dynamics, feedback")
         self._vehicle = vehicle
         self._range = ThrustRange.of(vehicle)
@@ -97,6 +108,8 @@ class Mover:
         self._follow = follow
         self._motion = Motion(Plant(vehicle) if plant is None else plant)
         self._follower = PlanFollower(vehicle, bandwidth)
+        self._autopilot = None if autopilot is None else Autopilot(vehicle, autopilot)
+        self._lead = period if lead is None else lead
         n = vehicle.flat_dimension
         z, dz, ddz = (ca.SX.sym(name, n) for name in ("z", "dz", "ddz"))
         self._thrust_at = ca.Function("thrust", [z, dz, ddz], [vehicle.inputs(z, dz, ddz)])
@@ -115,6 +128,9 @@ class Mover:
         thrust = np.asarray(self._thrust(*(values[0].T for values in through.sample(GRID)))).T
         peak = np.max(self._range.used(thrust), axis=0)
         clipped = bool(peak.max() > 1.0 + ROUND_OFF)
+        if self._autopilot is not None:
+            setpoint = setpoint_of(plan, self._vehicle, plan.elapsed + self._lead, self._lead)
+            return self._sampled(state, piece, clipped, partial(self._autopilot.thrust, setpoint))
         if self._follow == "feedback":
             return self._led_back(state, piece, water, clipped)
         if self._follow == "exact" and not clipped and self._is_on(state, piece):
@@ -161,15 +177,25 @@ class Mover:
         return bool(np.abs(np.vstack(self._vehicle.flat(state)) - piece.start[:2]).max() <= ON_PLAN)
 
     def _led_back(self, state: Array, piece: FlatTrajectory, water: Array, clipped: bool) -> Move:
-        """Follow a piece with feedback, whose thrust is held between its samples, in the frame of the water."""
-        through = piece.moving(-water)
-        count = samples(self._period)
-        step = self._period / count
+        """Follow a piece with feedback, in the frame of the water."""
+        through, hold = piece.moving(-water), self._period / samples(self._period)
+        number = count()
+
+        def thrust(z: Array, dz: Array) -> Array:
+            sample = next(number)
+            return self._follower.thrust(through, sample * hold, (sample + 0.5) * hold, water, z, dz)
+
+        return self._sampled(state, piece, clipped, thrust)
+
+    def _sampled(
+        self, state: Array, piece: FlatTrajectory, clipped: bool, thrust: Callable[[Array, Array], Array]
+    ) -> Move:
+        """Move under a thrust that follows from the measured flat output and its rate, and is held between samples."""
+        step = self._period / samples(self._period)
         asked: list[Array] = []
         before = self._motion.work
-        for number in range(count):
-            now, middle = number * step, (number + 0.5) * step
-            asked.append(self._follower.thrust(through, now, middle, water, *self._vehicle.flat(state)))
+        for _ in range(samples(self._period)):
+            asked.append(thrust(*self._vehicle.flat(state)))
             state = self._motion.advance(state, lambda s, held=asked[-1]: held, step)  # type: ignore[misc]
         peak = np.max(self._range.used(asked), axis=0)
         power = (self._motion.work - before) / self._period

@@ -9,6 +9,8 @@ from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
 from gbt_ocp.tracking.filters.polynomial import PolynomialRegression
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.gp.lmc import CoregionalizedTracker
+from gbt_ocp.tracking.held.bank import HeldTurnPrior
+from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.intake import SightingTracker, take_in, taken_kinds
 from gbt_ocp.tracking.mixture import MixtureTracker
 from gbt_ocp.tracking.noise import BearingNoise
@@ -33,6 +35,8 @@ __all__ = [
     "Forecast",
     "GaussianProcess",
     "GaussianProcessTracker",
+    "HeldTurnPrior",
+    "HeldTurnTracker",
     "ImmExtendedTracker",
     "ImmPositionTracker",
     "ImmPseudoLinearTracker",

@@ -20,6 +20,8 @@ from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
 from gbt_ocp.tracking.filters.polynomial import PolynomialRegression
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.gp.lmc import CoregionalizedTracker
+from gbt_ocp.tracking.held.bank import HeldTurnPrior
+from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.mixture import MixtureTracker, velocity_scale
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal, PositionPrior, RangedPrior
@@ -102,7 +104,7 @@ def _noise(section: NoiseSection, sensor: BearingSensor) -> BearingNoise:
 
 def configured_noise(section: sections.TrackerSection, sensor: BearingSensor) -> BearingNoise | None:
     """The noise of bearings that a tracker is given; ``None`` if it takes them for exact or has no model of it."""
-    if isinstance(section, sections.ShapeSection):
+    if isinstance(section, sections.ShapeSection | sections.HeldTurnSection):
         return _noise(section.noise, sensor)
     if isinstance(section, sections.GaussianProcessSection):
         noisy = noise_of(section, sensor)
@@ -174,6 +176,28 @@ def mixture(section: sections.MixtureSection, prior: PositionPrior, sensor: Bear
         prior=prior,
     )
     return MixtureTracker(shape, velocity, noise)
+
+
+def held_turn(section: sections.HeldTurnSection, prior: PositionPrior, sensor: BearingSensor) -> HeldTurnTracker:
+    """Kind ``held_turn``."""
+    motion_prior = HeldTurnPrior(
+        speed=LogNormal(section.speed.median, section.speed.log_std),
+        range=LogNormal(section.range.median_m, section.range.log_std),
+        turn_stds=section.turn_rate_std,
+        hold=section.hold_s,
+        speed_stds=section.speed_change_std,
+        speed_time=section.speed_time_s,
+        climb_std=section.climb_std,
+    )
+    return HeldTurnTracker(
+        len(prior.start),
+        noise=_noise(section.noise, sensor),
+        prior=motion_prior,
+        bin_width=section.bin_s,
+        components=section.components,
+        gate=math.inf if section.gate is None else section.gate,
+        position=prior,
+    )
 
 
 # ---- the methods that the paper compares with, and their successors -------------------------------------------------

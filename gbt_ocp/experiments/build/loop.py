@@ -305,5 +305,7 @@ def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
         plant=build_plant(configuration, vehicle, streams.plant),
         sensors=build_sensors(configuration, streams.sensor),
         follow_bandwidth=configuration.vehicle.follow_bandwidth or BANDWIDTH,
+        autopilot=configuration.plant.autopilot_s if configuration.command == "setpoint" else None,
+        lead=configuration.setpoint_lead,
     )
     return loop, start

@@ -28,6 +28,7 @@ def build_pilot(configuration: Configuration) -> PilotParts:
         forecast=configuration.tracker.forecast,
         forecast_period=configuration.forecast_period,
         follow_bandwidth=configuration.vehicle.follow_bandwidth or BANDWIDTH,
+        lead=configuration.setpoint_lead,
         late=configuration.pilot.late_s,
         navigation_gap=configuration.pilot.navigation_gap_s,
         bearing_std=sensor.noise,

@@ -118,6 +118,11 @@ TRACKERS = {
             sections.ShapeSection,
         ),
         TrackerKind(
+            sections.HeldTurnSection,
+            _builder("held_turn"),
+            "turn rates that are held and drawn again, in log-polar coordinates, for noisy bearings and unknown range",
+        ),
+        TrackerKind(
             sections.OrthogonalityStaticSection,
             _builder("orthogonality_static"),
             "orthogonality-based estimator of a static target",

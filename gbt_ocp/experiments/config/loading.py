@@ -16,30 +16,17 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from gbt_ocp.experiments.build.tracker_kinds import TRACKERS, kept_keys
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config import yaml_dialect as dialect
 from gbt_ocp.experiments.config.consistency import extremes, inconsistencies, without_effect
 from gbt_ocp.experiments.config.defaults import DIMENSION_DEFAULTS, PRESETS
 from gbt_ocp.experiments.config.faults import NOTHING, ConfigurationError, Fault, shown, value_at
+from gbt_ocp.experiments.config.overlay import overlaid
 from gbt_ocp.experiments.config.schema import Configuration, is_text
-from gbt_ocp.experiments.config.sensor import ListedSensorSection
 from gbt_ocp.experiments.config.tracker import TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.validation import faults_of
 from gbt_ocp.models.known_vehicles import KNOWN_VEHICLES
-
-# Of two keys that say the same thing, the one in the stronger layer replaces the other.
-_ALTERNATIVES: dict[tuple[str, ...], tuple[str, str]] = {
-    ("desired_bearing",): ("m", "period_s"),
-    ("tracker", "prior"): ("std", "covariance"),
-}
-
-# Another kind brings other keys; these belong to every kind of their section and stay.
-_SHARED: dict[tuple[str, ...], tuple[str, ...]] = {
-    ("vehicle",): ("start", "follow", "follow_bandwidth", "hotel_w"),
-    ("sensor", "_"): tuple(ListedSensorSection.model_fields),
-}
 
 
 @dataclass(frozen=True)
@@ -304,37 +291,8 @@ def _known_sizes(merged: Mapping[str, Any], problem: TrackingProblem | None) -> 
 def _merge(layers: Sequence[_Layer]) -> dict[str, Any]:
     merged: dict[str, Any] = {}
     for layer in layers:
-        merged = _overlay(merged, layer.values, ())
+        merged = overlaid(merged, layer.values, ())
     return merged
-
-
-def _overlay(base: Mapping[str, Any], above: Mapping[str, Any], path: tuple[str, ...]) -> dict[str, Any]:
-    merged = dict(base)
-    if "kind" in above and above["kind"] != base.get("kind", above["kind"]):
-        kept = {*_SHARED.get(path, ())}
-        if path == ("tracker",):
-            kept = kept_keys(*(TRACKERS.get(str(kind)) for kind in (base["kind"], above["kind"])))
-        merged = {key: value for key, value in base.items() if key in kept}
-    alternatives = _ALTERNATIVES.get(path, ())
-    if any(above.get(key) is not None for key in alternatives):
-        merged = {key: value for key, value in merged.items() if key not in alternatives}
-    for key, value in above.items():
-        beneath = merged.get(key)
-        if isinstance(value, Mapping) and isinstance(beneath, list) and _numbers_of(value, len(beneath)):
-            # sensor.1.noise_deg names a key of one of several
-            merged[key] = list(beneath)
-            for place, item in value.items():
-                merged[key][int(place)] = _overlay({"_": beneath[int(place)]}, {"_": item}, (*path, key))["_"]
-        elif isinstance(value, Mapping):
-            merged[key] = _overlay(beneath if isinstance(beneath, Mapping) else {}, value, (*path, key))
-        else:
-            merged[key] = value
-    return merged
-
-
-def _numbers_of(value: Mapping[str, Any], count: int) -> bool:
-    """Whether all keys are numbers of so many entries of a list."""
-    return bool(value) and all(key.isdigit() and int(key) < count for key in value)
 
 
 def _origin(path: tuple[str, ...], layers: Sequence[_Layer], label: str) -> str:

@@ -32,6 +32,12 @@ class ReplaySection(Section):
         0.0, "Standard deviation in degrees of the heading, for bearings from the bow that say their own.", ge=0.0
     )
     latency_s: float = key(0.0, "Time in s by which a logged measurement is older than its time stamp.", ge=0.0)
+    range_std_m: float | None = key(
+        None, "Standard deviation in m of ranges that do not say their own (null: such are left out).", gt=0.0
+    )
+    size_std_deg: float | None = key(
+        None, "Standard deviation in degrees of angular sizes that do not say their own.", gt=0.0
+    )
     export: Annotated[tuple[Literal["csv", "geojson", "gpx", "mcap", "page"], ...], BeforeValidator(as_tuples)] = key(
         (), "Files of the tracks that are written; empty for all that can be."
     )

@@ -80,6 +80,11 @@ class Configuration(Section):
         default_factory=DesiredBearingSection, description="How desired bearings turn."
     )
     vehicle: AnyVehicle = Field(default_factory=lambda: FossenVehicleSection(kind="fossen"), description="The vehicle.")
+    command: Literal["thrust", "setpoint"] = key(
+        "thrust",
+        "What the vehicle is given: thrust, or setpoints for an autopilot of its own (velocity, heading, depth), of "
+        "which plant.autopilot_s is the model.",
+    )
     plant: PlantSection = Field(
         default_factory=PlantSection, description="How the vehicle that moves differs from its model."
     )
@@ -96,6 +101,11 @@ class Configuration(Section):
     def problem_object(self) -> TrackingProblem:
         """The problem module's ``problem``; looked up at each access, so that the configuration can be pickled."""
         return catalogue.load_problem(self.problem)
+
+    @property
+    def setpoint_lead(self) -> float | None:
+        """How far ahead on the plan setpoints are taken, in s; ``None`` for a sampling period."""
+        return self.pilot.lead_s or (self.plant.autopilot_s if self.command == "setpoint" else None)
 
     @property
     def dimension(self) -> int:

@@ -185,6 +185,27 @@ class MixtureSection(ShapeSection):
     )
 
 
+class HeldTurnSection(TrackerSection):
+    """A bank of filters over the time at which the turn rate was drawn last."""
+
+    kind: Literal["held_turn"] = key(..., "Turn rates that are held and drawn again, in log-polar coordinates.")
+    noise: NoiseSection = Field(default_factory=NoiseSection, description="Noise of the bearings.")
+    bin_s: float = key(0.5, "Width of the bins in s over which bearings are averaged.", gt=0.0)
+    speed: SpeedPriorSection = Field(default_factory=SpeedPriorSection, description="Prior of the target's speed.")
+    range: RangePriorSection = Field(default_factory=RangePriorSection, description="Prior of the target's range.")
+    gate: float | None = key(4.0, "Standardised residual from which a bearing is suspected; null trusts all.", gt=0.0)
+    turn_rate_std: PositiveNumbers = key(
+        (0.03,), "Standard deviations of a turn rate when it is drawn, in rad/s, averaged over."
+    )
+    hold_s: float = key(20.0, "Mean time in s for which a turn rate is held.", gt=0.0)
+    speed_change_std: PositiveNumbers = key(
+        (0.03, 0.1, 0.3), "Standard deviations of the change of log speed, averaged over."
+    )
+    speed_time_s: float = key(30.0, "Time scale of the change of log speed in s.", gt=0.0)
+    climb_std: float = key(0.1, "Standard deviation of a vertical speed when it is drawn, in m/s, in space.", gt=0.0)
+    components: int = key(200, "Gaussians kept once the range is known.", ge=1)
+
+
 class BaselineSection(TrackerSection):
     """What the estimators share that the paper compares with."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -90,6 +90,7 @@ def assembled(
     origin: LocalPlane | None = None,
     in_plane: bool = False,
     heading_std: float = 0.0,
+    stds: Mapping[str, float | None] | None = None,
 ) -> tuple[BearingLog, NDArray[np.int64]]:
     """The log in the order of time.
 
@@ -105,6 +106,8 @@ def assembled(
         Leave out heights and elevations.
     heading_std
         Standard deviation of the heading in radians, which bearings from the bow have besides their own.
+    stds
+        Standard deviations by kind in radians or metres, of measurements that do not say their own.
 
     Returns
     -------
@@ -116,6 +119,9 @@ def assembled(
         If fewer than two measurements are left.
     """
     found = _stacked(raw.measured)
+    for kind, std in (stds or {}).items():
+        silent = (found.kinds == kind) & np.isnan(found.stds[:, 0])
+        found.stds[silent, 0] = np.nan if std is None else std
     if raw.own.geographic and origin is None:
         origin = LocalPlane(*map(float, raw.own.values[0, :2]))
     space = raw.own.has_height and not in_plane and any("elevation" in kind for kind in found.kinds)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from gbt_ocp.experiments.logs.records import LoggedMessage
-from gbt_ocp.files import optional_module
+from gbt_ocp.files import PACKED, UNPACKED, optional_module
 
 MESSAGE_HEADER = struct.Struct("<HHHdHBHB")
 """Synchronisation, number of the message, size, time, source and destination with their entities."""
@@ -39,7 +39,7 @@ def imc_messages(path: Path, asks: Callable[[str, str], bool]) -> Iterator[Logge
     """
     imcpy = optional_module("imcpy", "imc", "logs of IMC")
     try:
-        data = gzip.decompress(path.read_bytes()) if path.suffix == ".gz" else path.read_bytes()
+        data = _unpacked(path) if path.suffix == ".gz" else path.read_bytes()
         place = 0
         names: dict[int, str] = {}
         while place + MESSAGE_HEADER.size <= len(data):
@@ -57,6 +57,16 @@ def imc_messages(path: Path, asks: Callable[[str, str], bool]) -> Iterator[Logge
     except Exception as fault:  # what a damaged log raises is not documented
         reason = " ".join(str(fault).split()) or type(fault).__name__
         raise ValueError(f"found a log that cannot be read ({reason}); allowed: a log of IMC") from fault
+
+
+def _unpacked(path: Path) -> bytes:
+    """What a file holds, if that is not far more than its size."""
+    most = max(UNPACKED, PACKED * path.stat().st_size)
+    with gzip.open(path) as stream:
+        data = stream.read(most + 1)
+    if len(data) > most:
+        raise ValueError(f"more than {most} bytes when it is unpacked")
+    return data
 
 
 def _name(imcpy: object, number: int) -> str:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from gbt_ocp.experiments.logs.mapping import LogEntry, LogMapping, load_mapping
 from gbt_ocp.experiments.logs.records import LoggedMessage, Records, gathered, matches, wanted
 from gbt_ocp.frames import LocalPlane
 from gbt_ocp.simulation.replayed_track import BearingLog
+from gbt_ocp.typing import Array
 
 Reader = Callable[[Path, Callable[[str, str], bool]], Iterator[LoggedMessage]]
 """From a file, and whether messages of a topic and a type are read, to those messages."""
@@ -50,6 +51,9 @@ def _imc(path: Path, asks: Callable[[str, str], bool]) -> Iterator[LoggedMessage
     return imc_messages(path, asks)
 
 
+LAST_DATE = 253_402_300_800.0
+"""Seconds since the epoch at the end of the year 9999."""
+
 FORMATS: dict[str, tuple[Reader, str]] = {
     ".bag": (_ros, "ros"),
     ".db3": (_ros, "ros"),
@@ -73,6 +77,7 @@ def read_log(
     origin_deg: Sequence[float] | None = None,
     in_plane: bool = False,
     heading_std: float = 0.0,
+    stds: Mapping[str, float | None] | None = None,
 ) -> BearingLog:
     """Read a log.
 
@@ -101,6 +106,8 @@ def read_log(
         Leave out heights and elevations.
     heading_std
         Standard deviation of the heading in radians; bearings from the bow that say their own have it besides.
+    stds
+        Standard deviations by kind in radians or metres, of measurements that do not say their own.
 
     Raises
     ------
@@ -109,15 +116,17 @@ def read_log(
     """
     origin = _origin(origin_deg)
     given = None if mapping is None else load_mapping(mapping)
+    placing: dict[str, Any] = {"latency": latency, "origin": origin, "in_plane": in_plane}
+    placing |= {"heading_std": heading_std, "stds": stds or {}}
     form = "" if path.is_dir() else path.suffix.casefold()
     try:
         if path.is_dir() or form in FORMATS:
             reader, ready = FORMATS.get(form, FORMATS[".db3"])
             raw, doubts = _read_messages(path, reader, given or load_mapping(ready), bearing_from, where or {}, topics)
-            log, _ = assembled(raw, latency=latency, origin=origin, in_plane=in_plane, heading_std=heading_std)
-            return replace(log, warnings=(*doubts, *log.warnings), since_epoch=True)
+            log, _ = assembled(raw, **placing)
+            return replace(log, warnings=(*doubts, *log.warnings), since_epoch=_are_dates(log.times))
         file = CsvLog(path, bearing_from, where or {}, given)
-        log, rows = assembled(file.raw(), latency=latency, origin=origin, in_plane=in_plane, heading_std=heading_std)
+        log, rows = assembled(file.raw(), **placing)
     except ValueError as fault:
         if isinstance(fault, ConfigurationError):
             raise
@@ -125,6 +134,11 @@ def read_log(
     seen = np.isfinite(log.bearings[:, 0])
     lines = file.contact_warnings(rows[seen].tolist(), log.bearings[seen])
     return replace(log, warnings=(*log.warnings, *lines), since_epoch=file.in_utc)
+
+
+def _are_dates(times: Array) -> bool:
+    """Whether times of a log that counts from the epoch lie in the years that a date can have."""
+    return bool(times[0] >= 0.0 and times[-1] < LAST_DATE)
 
 
 def _origin(origin_deg: Sequence[float] | None) -> LocalPlane | None:
@@ -169,6 +183,8 @@ def _read_messages(
         kept = _where(path, one, where)
         found.append(measured(kept, entry, stated))
         doubts += _contact_warnings(path, kept, found[-1], where)
+    if stated is not None and not any(entry.frame == "stated" for entry, _ in log.of(mapping.measurements)):
+        doubts.append(f"{path}: bearings from {stated} are not asked for: the mapping says where they are counted from")
     found = [one for one in found if len(one.times)]
     if not found:
         raise log.lacks("measurements", "no measurement")

@@ -210,8 +210,18 @@ def field_names(content: Any) -> list[str]:
 
 
 def stamps(records: Records, entry: LogEntry) -> Array:
-    """Times of the records as an entry says them ``(N,)`` in seconds."""
+    """Times of the records as an entry says them ``(N,)`` in seconds.
+
+    Raises
+    ------
+    ValueError
+        If no message has its stamp set.
+    """
     if entry.time is None:
         return records.times
     counts = records.columns[entry.time]
-    return seconds_of_counts(records.numbers(entry.time) if isinstance(counts, list) else counts, entry.time_unit)
+    found = seconds_of_counts(records.numbers(entry.time) if isinstance(counts, list) else counts, entry.time_unit)
+    if len(found) > 1 and not found.any():
+        allowed = "stamps that are set, or a mapping without the key time, for the times of the log"
+        raise ValueError(f"{records.name}: {entry.time}: found 0 in all messages; allowed: {allowed}")
+    return found

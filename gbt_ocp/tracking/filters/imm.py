@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.measurements import MeasurementKind
 from gbt_ocp.tracking.filters.kalman import Update, predicted, updated
 from gbt_ocp.tracking.filters.motion_models import (
     constant_acceleration,
@@ -23,6 +24,7 @@ from gbt_ocp.tracking.filters.motion_models import (
 )
 from gbt_ocp.tracking.filters.plkf import pseudo_linear, pseudo_noise
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
+from gbt_ocp.tracking.polar import BEARINGS
 from gbt_ocp.tracking.priors import LogNormal, RangedPrior
 from gbt_ocp.tracking.protocol import Forecast, mixed
 from gbt_ocp.tracking.window import checked_sample
@@ -216,6 +218,9 @@ class ImmPseudoLinearTracker(ImmTracker):
         Variance of the position in m² on each axis where the prior knows nothing.
     """
 
+    takes: tuple[MeasurementKind, ...] = BEARINGS
+    """Kinds of measurements that it takes."""
+
     def __init__(
         self, prior: RangedPrior, models: InteractingMultipleModel, *, bearing_std: float, initial_variance: float
     ) -> None:
@@ -251,6 +256,9 @@ class ImmPositionTracker(ImmTracker):
     position_std
         σ_p in metres, of the measured position on each axis.
     """
+
+    takes: tuple[MeasurementKind, ...] = ("position",)
+    """Kinds of measurements that it takes."""
 
     def __init__(self, prior: RangedPrior, models: InteractingMultipleModel, *, position_std: float) -> None:
         if not position_std > 0.0:

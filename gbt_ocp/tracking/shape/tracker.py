@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gbt_ocp.models.bearings import log_map, tangent_basis
 from gbt_ocp.models.measurements import MeasurementKind, Sighting
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
 from gbt_ocp.tracking.decomposed import SingleNumbers, parts_of
@@ -24,6 +23,7 @@ from gbt_ocp.tracking.priors import LogNormal, PositionPrior
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, WeighedForecasts, relative_range_std
 from gbt_ocp.tracking.shape.fit import Known, Sightings, fit, sightings_root
 from gbt_ocp.tracking.shape.further import further_sightings
+from gbt_ocp.tracking.shape.gate import gated
 from gbt_ocp.tracking.shape.hypotheses import MotionHypotheses, MotionHypothesis, cold_starts, competed
 from gbt_ocp.tracking.shape.memory import TrackMemory, precision_root
 from gbt_ocp.tracking.shape.moments import NodeMoments, moments_ahead, moments_behind, moments_now
@@ -204,18 +204,7 @@ class MotionShapeTracker(RestartingTracker):
         """Direction in which the target is expected ``(d,)``, and whether a bearing lies beyond the gate from it."""
         if self._found is None or not np.isfinite(self._gate):
             return None, False
-        mean, covariance = (values[0] for values in self.predict([time]))
-        line = mean - own
-        distance = float(np.linalg.norm(line))
-        if not distance > 0.0:
-            return None, False
-        unit = line / distance
-        basis = tangent_basis(unit)
-        angle = log_map(unit, bearing, basis)
-        n = self._noise
-        single = n.std**2 / weight + n.correlated_std**2 + (n.own_std / distance) ** 2
-        spread = basis.T @ covariance @ basis / distance**2 + single * np.eye(self.dimension - 1)
-        return unit, bool(angle @ np.linalg.solve(spread, angle) > self._gate**2)
+        return gated(self.predict([time]), bearing, own, self._noise, weight, self._gate)
 
     def _estimate(self, now: float, own: Array) -> None:
         means, found = self.bins.means(), self._found
