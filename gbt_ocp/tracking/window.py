@@ -95,6 +95,10 @@ class Window:
         b, own = self.checked(time, bearing, own_position)
         self._samples.append((float(time), b, own))
 
+    def leave_out_latest(self) -> None:
+        """Forget the latest sample; not of an empty window."""
+        self._samples.pop()
+
     @property
     def latest(self) -> tuple[float, Array, Array]:
         """Time in seconds, bearing and own position ``(d,)`` of the latest sample; not of an empty window."""
