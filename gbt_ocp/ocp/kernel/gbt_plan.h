@@ -75,7 +75,7 @@ size_t gbt_planner_bytes(void);
 #if GBT_MOMENTS
 /* Plans from the moments of a forecast. The inputs are read before the plan is written, and may be part of it.
 
-   state        continuous derivatives of the flat output now, itself first, GBT_JOINED x GBT_FLAT
+   state        now, GBT_STATE: of a flat vehicle the continuous derivatives of the flat output, itself first
    mean         of the target's position at the endpoints t + T, t + 2 T, ..., GBT_PIECES x GBT_DIMENSION, m; where
                 GBT_PRESENT is 1, limits depend on the target, and the mean at t comes first: one row more
    covariance   the same, as many x GBT_DIMENSION x GBT_DIMENSION, m^2
