@@ -110,9 +110,12 @@ class ShootingPlan:
     held
         The unknowns of the solver ``(p, m)``: inputs in units of their limits.
     fallback
-        ``""``, ``cold`` (a cold solve), ``shifted`` (the rest of the previous plan) or ``coasting`` (no thrust).
-    status, objective, violation, piece_violation, iterations, solve_time, tightened
-        As in a :class:`Plan`; held inputs never need tightened limits.
+        ``""``, ``cold`` (a cold solve), ``shifted`` (the rest of the previous plan), ``unfinished``, ``braking`` or
+        ``coasting`` (no thrust).
+    status, objective, violation, piece_violation, iterations, solve_time, tightened, given_up, broken_at_start
+        As in a :class:`Plan`; limits on the inputs never need to be tightened.
+    thrust_end
+        Inputs at the end of each period ``(p, m)``, where they change linearly over it; ``None`` where they are held.
     """
 
     thrust: Array
@@ -126,6 +129,9 @@ class ShootingPlan:
     solve_time: float
     fallback: str = ""
     tightened: int = 0
+    given_up: Mapping[str, float] = field(default_factory=dict)
+    broken_at_start: Mapping[str, float] = field(default_factory=dict)
+    thrust_end: Array | None = None
 
     @property
     def solved(self) -> bool:

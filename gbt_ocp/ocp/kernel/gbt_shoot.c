@@ -201,8 +201,7 @@ void gbt_assemble(gbt_workspace *work)
         gbt_objective.hessian(seen_by_objective(work->piece, i), work->parameters + i * GBT_END_NUMBERS, &weight, entry);
         add(entry, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column,
             work->curvature[i + GBT_COST_AT_END]);
-        gbt_stage_curvature(work->piece[i], work->pull[i + 1], 0, entry);
-        add(entry, gbt_stage_entries, gbt_stage_row, gbt_stage_column, work->curvature[i]);
+        gbt_stage_curvature(work->piece[i], work->pull[i + 1], 0, work->bend[i]);
     }
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];

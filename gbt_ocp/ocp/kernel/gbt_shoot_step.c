@@ -47,8 +47,11 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
     for (int i = work->pieces - 1; i >= 0; i--) {
         for (int a = 0; a < GBT_PIECE; a++)
             for (int c = 0; c <= a; c++) h[a][c] = work->curvature[i][a][c];
+        for (int a = 0; a < gbt_stage_entries && delta <= 0; a++)
+            h[gbt_stage_row[a]][gbt_stage_column[a]] += work->bend[i][a];
         for (int a = 0; a < GBT_FREE; a++)
             h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
+        for (int a = 0; a < GBT_DIMENSION && delta > 0; a++) rest[a][a] += 100*delta;
         add_rest(work->slopes[i], rest, h);
 
         /* Cholesky factor of its part in what is free. */

@@ -81,6 +81,7 @@ typedef struct {
     gbt_real jacobian[GBT_JACOBIANS];
 #if GBT_SHOOTING
     gbt_real slopes[GBT_PIECES][GBT_STATE][GBT_PIECE]; /* of the state at the end of each piece */
+    gbt_real bend[GBT_PIECES][GBT_ENTRIES]; /* its Hessians times the multipliers of the dynamics */
 #endif
     /* the Riccati recursion */
     gbt_real factor[GBT_PIECES][GBT_FREE][GBT_FREE];

@@ -14,7 +14,7 @@ from gbt_ocp.ocp.check import FINE_POINTS
 from gbt_ocp.ocp.codegen.library import kernel_files, load_library
 from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.problem_source import from_moments, generate_problem
-from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.problem_data import PosedProblem, ShootingData
 from gbt_ocp.ocp.solvers.base import GIVEN_UP, NO_PLAN, PlannerStep, Solution
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import limit_size
@@ -98,10 +98,11 @@ class CompiledSolver:
 
     name = "compiled"
 
-    def __init__(self, problem: ProblemData, options: Mapping[str, Any]) -> None:
+    def __init__(self, problem: PosedProblem, options: Mapping[str, Any]) -> None:
         self._made_from = (problem, dict(options))
         self._settings = _Settings(**asdict(CompiledOptions.checked(options, problem.pieces)))
-        kernel = load_library(kernel_files() | generate_problem(problem).files)
+        shooting = isinstance(problem, ShootingData)
+        kernel = load_library(kernel_files(shooting=shooting) | generate_problem(problem).files)
         kernel.gbt_workspace_bytes.restype = ctypes.c_size_t
         self._workspace = np.zeros(kernel.gbt_workspace_bytes() // 8 + 1)
         numbers = ctypes.c_void_p
@@ -237,7 +238,7 @@ class CompiledSolver:
         return violation
 
 
-def moments_of_step(problem: ProblemData, data: Mapping[str, Any]) -> dict[str, Array]:
+def moments_of_step(problem: PosedProblem, data: Mapping[str, Any]) -> dict[str, Array]:
     """``mean``, ``covariance`` and ``desired`` as the generated step takes them, from the data of a solve.
 
     Where limits depend on the target, the present moments come before those at the endpoints. What no objective asks
