@@ -152,7 +152,7 @@ class ShotPlans:
         thrust = trajectory.thrust([0.0, 1.0])
         return ShootingPlan(
             thrust=thrust[:, 0],
-            thrust_end=thrust[:, 1],
+            thrust_end=None if self._problem.thrust == "held" else thrust[:, 1],
             knots=trajectory.knots,
             held=trajectory.top / np.tile(self._problem.vehicle.thrust_max, trajectory.top.shape[1] // thrust.shape[2]),
             **_told(step, named),

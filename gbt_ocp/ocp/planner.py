@@ -68,6 +68,19 @@ class AnyPlanner:
         """Forget the previous plan: the next solve is cold."""
         self._previous = None
 
+    @property
+    def previous(self) -> Any:
+        """The trajectory of the last step, from which the next solve starts; may be set to repeat a recorded step."""
+        return self._previous
+
+    @previous.setter
+    def previous(self, trajectory: Any) -> None:
+        self._previous = trajectory
+
+    def start(self, state: ArrayLike) -> Array:
+        """What a solver takes as the start, of a state as in :meth:`solve`; ``ValueError`` if it does not fit."""
+        return self._form.start(state)
+
     def objective(self, trajectory: FlatTrajectory | ShotTrajectory, parameters: list[Array]) -> float:
         """The objective of any trajectory, without penalty."""
         return self._form.objective(trajectory, parameters)
@@ -100,7 +113,7 @@ class AnyPlanner:
             If the state or the data do not fit, are not finite, or are so large that no plan is.
         """
         began = perf_counter()
-        start = self._form.start(state)
+        start = self.start(state)
         given = {"forecast": forecast, "desired": desired, **data}
         parameters = self._binding.objective_parameters(given)
         limits = self._binding.limit_parameters(given)

@@ -57,6 +57,11 @@ class PosedProblem:
         raise NotImplementedError
 
     @property
+    def joined(self) -> int:
+        """How many derivatives of the flat output, itself included, a start has."""
+        raise NotImplementedError
+
+    @property
     def constraints(self) -> tuple[Constraint, ...]:
         """Every constraint, however it is treated."""
         return (*(limit.constraint for limit in self.hard), *(soft.constraint for soft in self.penalties))
