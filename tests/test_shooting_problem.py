@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from gbt_ocp.experiments.build.loop import build_loop
+from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull, sigma_points, sigma_weights
 from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.models.vehicles import PlanarPointMass
 from gbt_ocp.ocp import KeepOut, ShootingProblem, SpeedLimit, ThrustLimit, write_c
 from gbt_ocp.ocp.codegen.library import find_compiler
 from gbt_ocp.ocp.export.verification import verify_folder
+from gbt_ocp.simulation.loop import simulate
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
@@ -204,3 +207,13 @@ def test_what_does_not_fit_is_refused():
 
     with pytest.raises(ValueError, match="rates: found 2 x 1 rates for 4 states"):
         ShootingProblem(Immobile(), 3, 0.1)
+
+
+@pytest.mark.parametrize("thrust", ["held", "linear"])
+def test_the_form_is_a_key_of_the_planner(thrust):
+    overrides = ["planner.form=shooting", f"planner.thrust={thrust}", "planner.formulation=hard"]
+    loop, start = build_loop(load_config("case2", overrides=overrides, seed=0))
+    arrays = simulate(loop, start, 4.0).arrays
+    assert set(arrays["solver_status"]) == {"solved"}
+    assert arrays["error"].mean(axis=1)[arrays["t"] >= 2.0].mean() < 0.04
+    assert np.nanmax(np.abs(arrays["thrust"]) / loop.vehicle.thrust_max) <= GAMMA + 1e-6

@@ -24,7 +24,7 @@ from gbt_ocp.experiments.result import Result
 from gbt_ocp.guidance.startup import planner_of
 from gbt_ocp.guidance.strategy import Guidance
 from gbt_ocp.ocp.codegen.library import CompilerError
-from gbt_ocp.ocp.planner import Planner
+from gbt_ocp.ocp.planner import AnyPlanner, Planner
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
 from gbt_ocp.simulation.loop import simulate, step_count
 from gbt_ocp.simulation.summary import installed_versions, summarise
@@ -141,7 +141,7 @@ def run(
     )
     # the configuration has `auto`, which does not name the solver that was chosen
     planner = planner_of(loop.guidance)
-    summary["solver"] = planner.solver.name if isinstance(planner, Planner) else None
+    summary["solver"] = planner.solver.name if isinstance(planner, AnyPlanner) else None
     afterwards = run_noise_warnings(history, configuration.tracker, loop.sensor, configuration.forecast_period)
     if recording.new_tracks:
         afterwards.append(gap_warning(configuration.tracker.kind, recording.new_tracks))

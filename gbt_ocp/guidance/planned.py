@@ -15,7 +15,7 @@ from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sizes import at_least
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
-from gbt_ocp.ocp.planner import Planner
+from gbt_ocp.ocp.planner import AnyPlanner
 from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.tracking.protocol import Forecast, JointForecast
 from gbt_ocp.typing import Array
@@ -53,7 +53,7 @@ class PlannedMotion:
 
     def __init__(
         self,
-        planner: Planner | ShootingPlanner,
+        planner: AnyPlanner | ShootingPlanner,
         desired: DesiredBearing | PacedBearing,
         steps: int = 1,
         *,
@@ -70,7 +70,7 @@ class PlannedMotion:
         self._past = past
         self._joint = joint
         self._seen: Array | None = None
-        self._plan: Plan | None = None
+        self._plan: Plan | ShootingPlan | None = None
         self._followed = 0
 
     def see(self, bearing: Array | None) -> None:
@@ -145,7 +145,7 @@ class PlannedMotion:
         elif self._begin_at_sight:
             self.desired = self.desired.beginning_at(time, line)
         plan = self.planner.solve(_continued(flat, problem.joined), **self._data(time, forecast, self._joint))
-        self._plan, self._followed = plan if isinstance(plan, Plan) else None, 0
+        self._plan, self._followed = plan, 0
         return plan
 
 

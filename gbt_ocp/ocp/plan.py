@@ -116,6 +116,10 @@ class ShootingPlan:
         As in a :class:`Plan`; limits on the inputs never need to be tightened.
     thrust_end
         Inputs at the end of each period ``(p, m)``, where they change linearly over it; ``None`` where they are held.
+    period
+        Seconds of each period; ``None`` where it is that of the samples.
+    elapsed
+        Seconds of the plan that lie behind: 0 for one just made, more for one that is followed on.
     """
 
     thrust: Array
@@ -132,6 +136,16 @@ class ShootingPlan:
     given_up: Mapping[str, float] = field(default_factory=dict)
     broken_at_start: Mapping[str, float] = field(default_factory=dict)
     thrust_end: Array | None = None
+    period: float | None = None
+    elapsed: float = 0.0
+
+    def applied(self, duration: float) -> tuple[Array, Array]:
+        """Inputs now and ``duration`` seconds later ``(m,)``, within the first period."""
+        first = self.thrust[0]
+        if self.thrust_end is None:
+            return first, first
+        change = (self.thrust_end[0] - first) / (duration if self.period is None else self.period)
+        return first + self.elapsed * change, first + (self.elapsed + duration) * change
 
     @property
     def solved(self) -> bool:

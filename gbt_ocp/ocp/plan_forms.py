@@ -153,6 +153,7 @@ class ShotPlans:
         return ShootingPlan(
             thrust=thrust[:, 0],
             thrust_end=None if self._problem.thrust == "held" else thrust[:, 1],
+            period=self._problem.period,
             knots=trajectory.knots,
             held=trajectory.top / np.tile(self._problem.vehicle.thrust_max, trajectory.top.shape[1] // thrust.shape[2]),
             **_told(step, named),

@@ -36,6 +36,7 @@ class Shots:
 
     def __init__(self, problem: ShootingData) -> None:
         self.problem, self.form = problem, ShootingForm(problem)
+        self._maps: dict[tuple[str, int], ca.Function] = {}
         form, share = self.form, ca.SX.sym("share")
         piece = form.point[: form.width]
         self.step = ca.Function("step", [piece], [form.state_after(1.0)])
@@ -49,7 +50,7 @@ class Shots:
         form, constraint = self.form, self.problem.constraints[number]
         stacked = ca.SX.sym("p", limit_size(constraint))
         value = ca.vertcat(form.constraint(constraint, stacked))
-        return ca.Function("limit", [form.point[: form.width], form.point[form.width], stacked], [value])
+        return ca.Function(f"limit{number}", [form.point[: form.width], form.point[form.width], stacked], [value])
 
     def trajectory(self, start: ArrayLike, top: ArrayLike) -> ShotTrajectory:
         """The trajectory from a state ``(states,)`` under these inputs ``(p, freedoms)``."""
@@ -81,10 +82,12 @@ class Shots:
         )
         return found[0].reshape(len(pieces), len(shares), -1)
 
-    @staticmethod
-    def _mapped(function: ca.Function, pieces: Array, shares: Array, *more: Array) -> list[Array]:
+    def _mapped(self, function: ca.Function, pieces: Array, shares: Array, *more: Array) -> list[Array]:
         columns = [np.repeat(pieces, len(shares), axis=0).T, np.tile(shares, len(pieces))[None]]
-        found = function.map(columns[1].size)(*columns, *(values.T for values in more))
+        key = function.name(), columns[1].size
+        if key not in self._maps:
+            self._maps[key] = function.map(columns[1].size)
+        found = self._maps[key](*columns, *(values.T for values in more))
         return [np.asarray(values).T for values in (found if isinstance(found, tuple | list) else [found])]
 
 

@@ -126,13 +126,18 @@ class Mover:
         mean = np.asarray(np.clip(thrust, -limit, limit).mean(axis=0))
         return self._moved(reached, piece, held, np.minimum(peak, 1.0), clipped, mean)
 
-    def hold(self, state: Array, thrust: Array) -> Move:
-        """Integrate the forward dynamics under constant inputs."""
-        end = self._motion.advance(state, lambda s: thrust, self._period)
+    def hold(self, state: Array, thrust: Array, until: Array | None = None) -> Move:
+        """Integrate the forward dynamics under constant inputs, or under inputs linear in time ``until`` others."""
+        last = thrust if until is None else until
+        if until is None or np.array_equal(thrust, until):
+            end = self._motion.advance(state, lambda s: thrust, self._period)
+        else:
+            end = self._motion.advance(state, lambda s: thrust + (last - thrust) * (s / self._period), self._period)
         z, dz = self._vehicle.flat(end)
-        ddz = np.asarray(self._accelerated(z, dz, thrust)).ravel()
+        ddz = np.asarray(self._accelerated(z, dz, last)).ravel()
         flat = np.vstack([z, dz, np.where(np.isfinite(ddz), ddz, 0.0)])  # no number where the flatness map is singular
-        return Move(flat, end, thrust, np.abs(thrust) / self._vehicle.thrust_max, thrust_mean=thrust)
+        peak = np.maximum(np.abs(thrust), np.abs(last)) / self._vehicle.thrust_max
+        return Move(flat, end, thrust, peak, thrust_mean=thrust if last is thrust else 0.5 * (thrust + last))
 
     def place(self, state: Array, position: Array) -> Move:
         """Put the vehicle somewhere, at rest and with the same yaw; there is no thrust to speak of."""

@@ -15,7 +15,7 @@ from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.problem_header import HEADER
 from gbt_ocp.ocp.forms import form_of
 from gbt_ocp.ocp.limit_classes import limit_names
-from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem
+from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ShootingData
 from gbt_ocp.ocp.terms import FromMoments, LimitFromMoments
 from gbt_ocp.ocp.transcription import limit_size, stacked_size
 
@@ -49,6 +49,7 @@ def generate_problem(problem: PosedProblem, options: CompiledOptions | None = No
         If an expression cannot be written as C.
     """
     form, d = form_of(problem), problem.vehicle.position_dimension
+    shooting = isinstance(problem, ShootingData)
     origin = ca.SX.sym("origin", d)
     parameters = ca.SX.sym("p", sum(stacked_size(term.shapes) for term in problem.objectives))
     objective = placed_objective(problem, form, parameters, origin)
@@ -85,7 +86,7 @@ def generate_problem(problem: PosedProblem, options: CompiledOptions | None = No
         fine=FINE_POINTS,
         moments=int(from_moments(problem)),
         present=int(from_moments(problem) and moving.numel() > 0),
-        settings=(options or CompiledOptions.checked({}, problem.pieces)).initialiser(),
+        settings=(options or CompiledOptions.checked({}, problem.pieces, shooting=shooting)).initialiser(),
     )
     functions = [*objective_functions, *(function for limit in limits for function in limit.functions)]
     functions += motion.functions

@@ -61,11 +61,12 @@ def write_c(
         raise ValueError(f"write_c: found solver {planner.solver.name!r}; allowed: 'compiled'")
     checked_prefix(prefix)
     problem, options = planner.problem, planner.solver.options
-    settings = CompiledOptions.checked(options, problem.pieces)
+    shooting = isinstance(problem, ShootingData)
+    settings = CompiledOptions.checked(options, problem.pieces, shooting=shooting)
     target = Path(folder)
     with whole_folder(target) as draft:
         generated = generate_problem(problem, settings).files
-        sources = kernel_files(shooting=isinstance(problem, ShootingData)) | generated
+        sources = kernel_files(shooting=shooting) | generated
         sources["gbt_identity.h"] = identity_header(sources)
         vectors = record(planner, steps)
         texts = {f"src/{name}": text for name, text in sources.items()}

@@ -1,11 +1,14 @@
 /* Newton's step of a trajectory by integration, by a Riccati recursion over its pieces, and the trial along it.
 
-   With the multipliers of the dynamics in work->curvature the recursion gives Newton's step of the problem in the inputs
-   alone, exactly, at a cost linear in the pieces. The regularisation is added for the inputs, in units of their natural
-   size, and in full for what they change of the state within a piece (see factorise). */
+   With the second derivatives of the dynamics times their multipliers the recursion gives Newton's step of the problem in
+   the inputs alone, exactly, at a cost linear in the pieces. Where that is no descent, the step is that of Gauss and Newton:
+   without these second derivatives, which grow with the horizon where a vehicle is unstable, and regularised where the
+   objective, which reads positions, is curved the wrong way. */
 #include "gbt_form.h"
 
 #include "gbt_math.h"
+
+#define PLACE ((gbt_real)100) /* regularisation of a position in m over that of an input over its limit */
 
 /* Solves L x = b and then L' x = b in place. */
 static void forward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
@@ -51,7 +54,7 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
             h[gbt_stage_row[a]][gbt_stage_column[a]] += work->bend[i][a];
         for (int a = 0; a < GBT_FREE; a++)
             h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
-        for (int a = 0; a < GBT_DIMENSION && delta > 0; a++) rest[a][a] += 100*delta;
+        for (int a = 0; a < GBT_DIMENSION && delta > 0; a++) rest[a][a] += PLACE * delta;
         add_rest(work->slopes[i], rest, h);
 
         /* Cholesky factor of its part in what is free. */

@@ -100,8 +100,8 @@ class CompiledSolver:
 
     def __init__(self, problem: PosedProblem, options: Mapping[str, Any]) -> None:
         self._made_from = (problem, dict(options))
-        self._settings = _Settings(**asdict(CompiledOptions.checked(options, problem.pieces)))
         shooting = isinstance(problem, ShootingData)
+        self._settings = _Settings(**asdict(CompiledOptions.checked(options, problem.pieces, shooting=shooting)))
         kernel = load_library(kernel_files(shooting=shooting) | generate_problem(problem).files)
         kernel.gbt_workspace_bytes.restype = ctypes.c_size_t
         self._workspace = np.zeros(kernel.gbt_workspace_bytes() // 8 + 1)
