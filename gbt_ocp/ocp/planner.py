@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from time import perf_counter
 from typing import Any
 
@@ -15,8 +15,9 @@ from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.plan_forms import cold_guess, plan_form
 from gbt_ocp.ocp.problem_data import PosedProblem, ProblemData, ShootingData
 from gbt_ocp.ocp.shot import ShotTrajectory
-from gbt_ocp.ocp.solvers.base import NO_PLAN, PlansSteps, Solver
+from gbt_ocp.ocp.solvers.base import NO_PLAN, PlannerStep, PlansSteps, Solver
 from gbt_ocp.ocp.solvers.choice import make_solver
+from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.typing import Array
 
@@ -63,6 +64,7 @@ class AnyPlanner:
         self._binding = Binding(problem)
         self._form = plan_form(problem)
         self._previous: FlatTrajectory | ShotTrajectory | None = None
+        self._last_step: FlatTrajectory | ShotTrajectory | None = None
 
     def reset(self) -> None:
         """Forget the previous plan: the next solve is cold."""
@@ -112,17 +114,33 @@ class AnyPlanner:
         ValueError
             If the state or the data do not fit, are not finite, or are so large that no plan is.
         """
-        began = perf_counter()
+        return self._planned(perf_counter(), self._steps_from_previous, state, forecast, desired, data)
+
+    def _steps_from_previous(
+        self, start: Array, parameters: list[Array], limits: list[Array], given: Mapping[str, Any]
+    ) -> PlannerStep:
+        previous = None if self._previous is None else self._previous.top
+        return self._steps.plan(start, parameters, limits, previous, given)
+
+    def _planned(
+        self,
+        began: float,
+        take: Callable[..., PlannerStep],
+        state: ArrayLike,
+        forecast: Any,
+        desired: ArrayLike | None,
+        data: Mapping[str, Any],
+    ) -> Plan | ShootingPlan:
+        """The plan of a step that is taken in this way."""
         start = self.start(state)
         given = {"forecast": forecast, "desired": desired, **data}
         parameters = self._binding.objective_parameters(given)
         limits = self._binding.limit_parameters(given)
-        previous = None if self._previous is None else self._previous.top
-        step = self._steps.plan(start, parameters, limits, previous, given)
+        step = take(start, parameters, limits, given)
         if step.fallback == NO_PLAN:
             raise ValueError("state or data: found numbers so large that no plan is finite; allowed: smaller ones")
         trajectory = self._form.trajectory(start, step.top)
-        self._previous = trajectory
+        self._previous = self._last_step = trajectory
         objective = self.objective(trajectory, parameters)
         return self._form.plan(trajectory, step, self._named, objective=objective, solve_time=perf_counter() - began)
 
@@ -179,6 +197,46 @@ class ShotPlanner(AnyPlanner):
         plan = super().solve(state, forecast, desired, **data)
         assert isinstance(plan, ShootingPlan), "the form of the problem"
         return plan
+
+    def prepare(self) -> bool:
+        """Between two samples: all that the next plan needs and that does not wait for the state.
+
+        The rest of the last plan is taken, its derivatives computed and factorised, for the forecast as it will be if
+        it comes true: nearly all of an iteration (the real-time iteration of Diehl, Bock and Schlöder 2005).
+
+        Returns
+        -------
+        Whether something is prepared; not so without a last plan.
+
+        Raises
+        ------
+        ValueError
+            If the solver is not ``compiled``.
+        """
+        solver = self._in_parts()
+        if self._previous is None or self._previous is not self._last_step:
+            return False
+        return solver.prepare()
+
+    def feedback(
+        self, state: ArrayLike, forecast: Any = None, desired: ArrayLike | None = None, **data: Any
+    ) -> ShootingPlan:
+        """When the state is there: one Newton step from what :meth:`prepare` did, and the plan.
+
+        A plain :meth:`solve` where nothing is prepared. Its plan is one iteration from the rest of the last one; the
+        inputs are cut to what the vehicle has. Arguments and errors are those of :meth:`AnyPlanner.solve`.
+        """
+        solver = self._in_parts()
+        if self._previous is None or self._previous is not self._last_step:
+            return self.solve(state, forecast, desired, **data)
+        plan = self._planned(perf_counter(), solver.feedback, state, forecast, desired, data)
+        assert isinstance(plan, ShootingPlan), "the form of the problem"
+        return plan
+
+    def _in_parts(self) -> CompiledSolver:
+        if not isinstance(self.solver, CompiledSolver):
+            raise ValueError(f"solver: found {self.solver.name!r}; allowed: 'compiled', which takes steps in two parts")
+        return self.solver
 
     @property
     def previous(self) -> ShotTrajectory | None:

@@ -88,6 +88,17 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta);
 /* work->step from the gradient with respect to the numbers of each piece, which is spent. */
 void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[]);
 
+#if GBT_SHOOTING
+/* gbt_newton_step for a start that is elsewhere by so much, GBT_STATE. */
+void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *change);
+
+/* The inputs of piece i after the step, where its state has become another one. */
+void gbt_follow_gains(gbt_workspace *work, int i, const gbt_real *state, gbt_real *inputs);
+
+/* work->gradient again, for other numbers of the objective. */
+void gbt_objective_slopes(gbt_workspace *work);
+#endif
+
 GBT_END_C
 
 #endif

@@ -68,8 +68,7 @@ static int numbers_of(const gbt_workspace *work) { return (work->pieces + GBT_RO
 
 static gbt_real *first_of(gbt_piece *pieces) { return (gbt_real *)pieces; }
 
-/* work->pull: the gradient of f plus the Jacobians transposed times these multipliers, piece by piece. */
-static void lagrangian_gradient(gbt_workspace *work, const gbt_real *multipliers)
+void gbt_lagrangian_gradient(gbt_workspace *work, const gbt_real *multipliers)
 {
     const int count = numbers_of(work);
     gbt_real *pull = first_of(work->pull), *gradient = first_of(work->gradient);
@@ -81,7 +80,7 @@ static void lagrangian_gradient(gbt_workspace *work, const gbt_real *multipliers
 static gbt_real residual(gbt_workspace *work)
 {
     gbt_real worst = 0;
-    lagrangian_gradient(work, work->lambda);
+    gbt_lagrangian_gradient(work, work->lambda);
     gbt_adjoint(work, work->pull, work->push);
     for (int i = 0; i < work->pieces; i++)
         for (int a = 0; a < GBT_FREE; a++) {
@@ -116,7 +115,7 @@ static gbt_real convexify(gbt_workspace *work, gbt_real last)
 /* Newton's step with the multipliers work->target, of which sigma and shift are known. */
 static void find_step(gbt_workspace *work)
 {
-    lagrangian_gradient(work, work->target);
+    gbt_lagrangian_gradient(work, work->target);
     gbt_newton_step(work, work->pull);
     gbt_push_forward(work);
     gbt_recover(work);
@@ -172,6 +171,19 @@ static void accept(gbt_workspace *work, gbt_real mu, gbt_real alpha)
     for (int k = 0; k < count; k++) piece[k] = trial[k];
     work->f = work->f_trial;
     gbt_move_sides(work, alpha, 1 - mu > FRACTION ? 1 - mu : FRACTION);
+}
+
+int gbt_make_ready(gbt_workspace *work, gbt_real mu)
+{
+    work->f = gbt_evaluate(work, work->piece, work->y);
+    if (!isfinite(work->f) || !gbt_all_finite(work->y, work->count)) return 0;
+    gbt_lift(work, mu);
+    gbt_centre(work, mu);
+    gbt_differentiate(work);
+    if (isnan(residual(work))) return 0;
+    gbt_eliminate(work, mu);
+    gbt_assemble(work);
+    return convexify(work, 0) >= 0;
 }
 
 gbt_real gbt_last_barrier(const gbt_settings *settings)

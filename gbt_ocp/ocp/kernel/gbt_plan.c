@@ -13,6 +13,9 @@ void gbt_plan_init(gbt_planner *planner)
 {
     gbt_default_settings(&planner->settings);
     planner->warm = 0;
+#if GBT_SHOOTING
+    planner->ready = 0;
+#endif
 #if GBT_RELATIVE
     for (int j = 0; j < GBT_DIMENSION; j++) planner->origin[j] = 0;
 #endif
@@ -239,20 +242,41 @@ static int is_finite(const gbt_plan_result *plan)
            gbt_all_finite(&plan->thrust[0][0][0], GBT_PIECES * GBT_PROFILE * GBT_INPUTS);
 }
 
-/* The same, with endpoints in the coordinates of the state; refuses what is not finite, or is so large that nothing finite
-   comes of it, and remembers nothing of that. */
+/* Keeps a plan from a start relative to an origin as the previous one, and gives its endpoints in the coordinates of the
+   state. */
+static gbt_status remember(gbt_planner *planner, const double *origin, const gbt_real *start, gbt_plan_result *plan)
+{
+    for (int k = 0; k < N; k++) planner->previous[k / GBT_FREE][k % GBT_FREE] = plan->top[k / GBT_FREE][k % GBT_FREE];
+    planner->warm = 1;
+#if GBT_SHOOTING
+    planner->ready = 0;
+    for (int j = 0; j < GBT_DIMENSION; j++) planner->place[j] = origin[j];
+    for (int a = 0; a < GBT_STATE; a++) planner->begin[a] = start[a];
+#else
+    (void)start;
+#endif
+    for (int i = 0; i < GBT_PIECES; i++)
+        for (int j = 0; j < GBT_DIMENSION; j++)
+            plan->endpoints[i][j] = (gbt_real)(origin[j] - base_of(planner)[j] + (double)plan->endpoints[i][j]);
+    return plan->status;
+}
+
+/* Refuses what is not finite, or is so large that nothing finite comes of it, and remembers nothing of that. */
 static gbt_status plan_relative(gbt_planner *planner, const double *origin, const gbt_real *start,
                                 gbt_plan_result *plan)
 {
     if (!gbt_all_finite(start, GBT_STATE) || !gbt_all_finite(planner->numbers, GBT_NUMBERS)) return refuse(plan);
     plan_from(planner, start, plan);
     if (!is_finite(plan)) return refuse(plan);
-    for (int k = 0; k < N; k++) planner->previous[k / GBT_FREE][k % GBT_FREE] = plan->top[k / GBT_FREE][k % GBT_FREE];
-    planner->warm = 1;
-    for (int i = 0; i < GBT_PIECES; i++)
-        for (int j = 0; j < GBT_DIMENSION; j++)
-            plan->endpoints[i][j] = (gbt_real)(origin[j] - base_of(planner)[j] + (double)plan->endpoints[i][j]);
-    return plan->status;
+    return remember(planner, origin, start, plan);
+}
+
+/* planner->numbers from the parameters. */
+static void place_all(gbt_planner *planner, const double *origin, const double *parameters)
+{
+    gbt_place_ends(origin, parameters, GBT_PIECES, planner->numbers);
+    gbt_place_knots(origin, parameters + GBT_PIECES * GBT_PARAMETERS, GBT_PIECES + 1,
+                    planner->numbers + GBT_LIMIT_NUMBERS);
 }
 
 gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, const double *parameters,
@@ -261,26 +285,32 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
     double origin[GBT_DIMENSION];
     gbt_real start[GBT_STATE];
     gbt_begin(base_of(planner), state, origin, start);
-    gbt_place_ends(origin, parameters, GBT_PIECES, planner->numbers);
-    gbt_place_knots(origin, parameters + GBT_PIECES * GBT_PARAMETERS, GBT_PIECES + 1,
-                    planner->numbers + GBT_LIMIT_NUMBERS);
+    place_all(planner, origin, parameters);
     return plan_relative(planner, origin, start, plan);
 }
 
 #if GBT_MOMENTS
+/* Here already: the root of a covariance takes what is not a positive eigenvalue for zero. */
+static int moments_are_finite(const gbt_real *mean, const gbt_real *covariance, const gbt_real *desired)
+{
+    enum { BOUNDARIES = GBT_PIECES + GBT_PRESENT };
+    return gbt_all_finite(mean, BOUNDARIES * GBT_DIMENSION) &&
+           gbt_all_finite(covariance, BOUNDARIES * GBT_DIMENSION * GBT_DIMENSION) &&
+           gbt_all_finite(desired, GBT_PIECES * GBT_DIMENSION);
+}
+
 gbt_status gbt_plan(gbt_planner *planner, const gbt_real *state, const gbt_real *mean, const gbt_real *covariance,
                     const gbt_real *desired, gbt_plan_result *plan)
 {
-    enum { BOUNDARIES = GBT_PIECES + GBT_PRESENT };
     double origin[GBT_DIMENSION];
     gbt_real start[GBT_STATE];
-    /* here already: the root of a covariance takes what is not a positive eigenvalue for zero */
-    if (!gbt_all_finite(mean, BOUNDARIES * GBT_DIMENSION) ||
-        !gbt_all_finite(covariance, BOUNDARIES * GBT_DIMENSION * GBT_DIMENSION) ||
-        !gbt_all_finite(desired, GBT_PIECES * GBT_DIMENSION))
-        return refuse(plan);
+    if (!moments_are_finite(mean, covariance, desired)) return refuse(plan);
     gbt_begin(base_of(planner), state, origin, start);
     gbt_bind(base_of(planner), origin, mean, covariance, desired, planner->numbers);
     return plan_relative(planner, origin, start, plan);
 }
+#endif
+
+#if GBT_SHOOTING
+#include "gbt_shoot_time.h"
 #endif

@@ -118,18 +118,24 @@ gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
     return f;
 }
 
-void gbt_differentiate(gbt_workspace *work)
+void gbt_objective_slopes(gbt_workspace *work)
 {
-    gbt_real place[GBT_PLACE], slope[GBT_PIECE];
-    gbt_real *jacobian = work->jacobian;
+    gbt_real slope[GBT_PIECE];
     for (int i = 0; i <= work->pieces; i++)
         for (int a = 0; a < GBT_PIECE; a++) work->gradient[i][a] = 0;
     for (int i = 0; i < work->pieces; i++) {
-        gbt_stage_slopes(work->piece[i], 0, 0, &work->slopes[i][0][0]);
         gbt_objective.gradient(seen_by_objective(work->piece, i), work->parameters + i * GBT_END_NUMBERS, 0, slope);
         gbt_real *gradient = seen_by_objective(work->gradient, i);
         for (int a = 0; a < GBT_PIECE; a++) gradient[a] = -slope[a];
     }
+}
+
+void gbt_differentiate(gbt_workspace *work)
+{
+    gbt_real place[GBT_PLACE];
+    gbt_real *jacobian = work->jacobian;
+    gbt_objective_slopes(work);
+    for (int i = 0; i < work->pieces; i++) gbt_stage_slopes(work->piece[i], 0, 0, &work->slopes[i][0][0]);
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
         for (int k = limit->first; k <= limit->intervals; k++) {

@@ -101,7 +101,16 @@ static void follow(gbt_workspace *work, int i, gbt_real alpha, const gbt_real *s
     backward(work->factor[i], inputs);
 }
 
-void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[])
+void gbt_follow_gains(gbt_workspace *work, int i, const gbt_real *state, gbt_real *inputs)
+{
+    gbt_real change[GBT_STATE];
+    for (int a = 0; a < GBT_STATE; a++) change[a] = state[a] - work->piece[i][a];
+    follow(work, i, 1, change, inputs);
+    for (int a = 0; a < GBT_FREE; a++) inputs[a] += work->piece[i][GBT_STATE + a];
+}
+
+/* The same for a start that is elsewhere by so much. */
+void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *change)
 {
     for (int i = work->pieces - 1; i >= 0; i--) {
         gbt_real *push = work->push[i], *own = gradient[i], *next = gradient[i + 1];
@@ -112,7 +121,7 @@ void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[])
         for (int k = 0; k < GBT_FREE; k++)
             for (int c = 0; c < GBT_STATE; c++) own[c] += work->gain[i][k][c] * push[k];
     }
-    for (int a = 0; a < GBT_STATE; a++) work->step[0][a] = 0;
+    for (int a = 0; a < GBT_STATE; a++) work->step[0][a] = change[a];
     for (int i = 0; i < work->pieces; i++) {
         gbt_real *step = work->step[i], *next = work->step[i + 1];
         follow(work, i, 1, step, step + GBT_STATE);
@@ -122,6 +131,12 @@ void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[])
         }
     }
     for (int a = 0; a < GBT_FREE; a++) work->step[work->pieces][GBT_STATE + a] = 0;
+}
+
+void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[])
+{
+    static const gbt_real nothing[GBT_STATE];
+    gbt_step_from(work, gradient, nothing);
 }
 
 /* The inputs change with the state as the step does, along the trajectory that they really lead to. */
