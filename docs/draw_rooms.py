@@ -24,12 +24,14 @@ PLACES = {
     "experiments": (1, 2),
     "reporting": (1, 3),
     "simulation": (1, 4),
-    "guidance": (1, 5),
-    "ocp": (0.5, 6),
-    "tracking": (1.5, 6),
-    "models": (1, 7),
-    "files": (0.5, 8),
-    "typing": (1.5, 8),
+    "pilot": (1, 5),
+    "guidance": (1, 6),
+    "ocp": (0.5, 7),
+    "tracking": (1.5, 7),
+    "models": (1, 8),
+    "frames": (2.5, 8),
+    "files": (0.5, 9),
+    "typing": (1.5, 9),
 }
 """Column and row of each room; who imports stands above. The arrows come from the code."""
 

@@ -20,6 +20,8 @@ ROOMS = {
     "gbt_ocp.guidance": "Guidance",
     "gbt_ocp.tracking": "Tracking",
     "gbt_ocp.models": "Bearings, vehicles, targets, sensor",
+    "gbt_ocp.pilot": "The online loop",
+    "gbt_ocp.frames": "Frames, units and clocks",
     "gbt_ocp.simulation": "The closed loop",
     "gbt_ocp.reporting": "Figures and pages",
 }

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from gbt_ocp.experiments.config.schema import Configuration, register_tracker
     from gbt_ocp.experiments.config.tracker import TrackerSection
     from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
+    from gbt_ocp.experiments.pilot import Pilot
     from gbt_ocp.experiments.replay import replay
     from gbt_ocp.experiments.result import Result
     from gbt_ocp.experiments.run import run
@@ -37,6 +38,7 @@ _HOMES = {
     "ConfigurationError": "experiments.config.faults",
     "History": "simulation.history",
     "Measurement": "models.measurements",
+    "Pilot": "experiments.pilot",
     "Result": "experiments.result",
     "Sweep": "experiments.sweep.carry_out",
     "TrackerKind": "experiments.build.tracker_kinds",
@@ -57,6 +59,7 @@ __all__ = [
     "ConfigurationError",
     "History",
     "Measurement",
+    "Pilot",
     "Result",
     "Sweep",
     "TrackerKind",

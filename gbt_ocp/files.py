@@ -11,6 +11,7 @@ import shutil
 import socket
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -312,3 +313,29 @@ def whole_file(target: str | os.PathLike[str]) -> Iterator[Path]:
 def packaged_text(package: str, *path: str) -> str:
     """Text of a file that travels with a package, ``packaged_text("gbt_ocp.reporting", "page", "report.html")``."""
     return files(package).joinpath(*path).read_text(encoding="utf-8")
+
+
+def optional_module(name: str, extra: str, purpose: str) -> Any:
+    """A module of a library that an optional extra of the package brings.
+
+    Parameters
+    ----------
+    name
+        Of the module.
+    extra
+        Of the package that has it.
+    purpose
+        What it is for; the message begins with it.
+
+    Raises
+    ------
+    ValueError
+        If it is not installed.
+    """
+    try:
+        return import_module(name)
+    except ImportError as fault:
+        line = (
+            f"{purpose}: found no library {name.partition('.')[0]} ({fault}); allowed: pip install 'gbt_ocp[{extra}]'"
+        )
+        raise ValueError(line) from fault

@@ -246,12 +246,19 @@ def test_list_names_everything_with_a_description(capsys):
     assert cli.main(["list"]) == 0
     lines = capsys.readouterr().out.splitlines()
     titles = [line for line in lines if line and not line.startswith(" ")]
-    assert titles == ["problems", "configurations", "trackers", "guidance laws", "solvers"]
+    assert titles == ["problems", "configurations", "trackers", "guidance laws", "vehicles", "solvers"]
     entries = [line.split(maxsplit=1) for line in lines if line.startswith("  ")]
     assert all(len(entry) == 2 for entry in entries)
     names = [name for name, _ in entries]
     assert names.count("case1") == names.count("recorded") == 2
     assert {"gp", "planner", "static", "constant_force", "random", "ipopt"} <= set(names)
+
+
+def test_one_list_is_shown_alone(capsys):
+    assert cli.main(["list", "vehicles"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "vehicles"
+    assert [line.split()[0] for line in lines[1:]] == ["falcon", "bluerov2_heavy"]
 
 
 def test_help_is_exit_0(capsys):

@@ -55,7 +55,7 @@ def every_key():
     return list(found.values())
 
 
-TEXTS = (("name",), ("problem",), ("target", "path"))
+TEXTS = (("name",), ("problem",), ("target", "path"), ("replay", "mapping"))
 """Keys for which a text is no value of another type."""
 
 

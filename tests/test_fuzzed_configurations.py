@@ -144,7 +144,7 @@ def shortened(tree, law):
     """A configuration of three steps, with this guidance where it planned; ``None`` if that is too much for a test."""
     try:
         found = load_config(tree)
-        period = found.sensor.period_s
+        period = found.period_s
         changes = [f"duration_s={3 * period}", *([f"guidance.kind={law}"] if found.guidance.kind == "planner" else [])]
         found = load_config(found.to_mapping(), changes)
         build_parts(found)
@@ -183,7 +183,7 @@ def test_what_is_accepted_runs(tmp_path, examples, capsys):
         return run_and_judge(found, tmp_path / str(next(number)))
 
     counts = fuzz(mappings(), judged, examples)
-    assert counts[0] > 0.1 * examples
+    assert counts[0] >= 0.1 * examples
 
 
 @pytest.mark.slow

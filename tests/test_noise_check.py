@@ -1,10 +1,16 @@
 """Bearings that disagree with the noise that was configured are warned of, for every tracker; honest ones are not."""
 
+import log_writers
 import numpy as np
 import pytest
 
 import gbt_ocp as gbt
+from gbt_ocp.experiments.config.loading import load_tracker
+from gbt_ocp.experiments.logs.read import read_log
+from gbt_ocp.experiments.noise_check import replay_noise_warnings
 from gbt_ocp.experiments.replay import replay
+from gbt_ocp.models.sensors import BearingSensor
+from gbt_ocp.simulation.replayed_track import ReplayedTrack
 from gbt_ocp.tracking.disagreement import MANY_TIMES, standardised_innovations, standardised_kinks
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.protocol import Forecast
@@ -86,3 +92,27 @@ def test_both_measures_are_standard_normal_where_the_noise_is_as_configured(dime
     for found in (innovations, kinks):
         assert np.sqrt(np.mean(found**2)) == pytest.approx(1.0, abs=0.15)
         assert np.quantile(found, 0.75) < 0.4 * MANY_TIMES
+
+
+def test_bearings_that_say_their_noise_are_judged_by_it(tmp_path):
+    """Two sensors of which one is ten times as noisy as what is configured, and says so, or does not."""
+    log = log_writers.sailed(90.0)
+    rng = np.random.default_rng(0)
+    columns = {"t": log.times, "own_x": log.own[:, 0], "own_y": log.own[:, 1], "good.bearing_rad": log.azimuth}
+    columns["poor.bearing_rad"] = log.azimuth + np.deg2rad(10.0) * rng.standard_normal(len(log.times))
+    config = {"tracker": {"kind": "ekf", "initial_range_m": 60.0, "bearing_std_deg": 0.5}}
+    for stds, lines in ((None, 1), (10.0, 0), (0.5, 1)):
+        if stds is not None:
+            columns["poor.std_deg"] = np.full(len(log.times), stds)
+            columns["good.std_deg"] = np.full(len(log.times), 0.5)
+        log_read = read_log(log_writers.table(tmp_path / "log.csv", columns), "x")
+        section = load_tracker(config, [], 2)
+        sensor = BearingSensor(log_read.period, np.deg2rad(0.5))
+        # a track that is right, so that only the noise counts
+        target = np.stack([np.interp(log_read.times, log.times, axis) for axis in log.target.T], axis=-1)
+        sharp = np.tile(1e-6 * np.eye(2), (len(target), 1, 1))
+        empty = np.full((len(target), 1), np.nan)
+        track = ReplayedTrack(
+            "ekf", log_read.times, target, sharp, target, sharp, Forecast(target, sharp), empty, empty
+        )
+        assert len(replay_noise_warnings(track, log_read, section, sensor)) == lines

@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from gbt_ocp.cli import main as cli
-from gbt_ocp.experiments.bearing_log import read_log
 from gbt_ocp.experiments.config.faults import ConfigurationError
+from gbt_ocp.experiments.logs.read import read_log
 from gbt_ocp.experiments.replay import replay
 from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
 from gbt_ocp.reporting.replay_figures import draw_replay

@@ -115,7 +115,7 @@ def test_what_a_user_wrote_is_text_and_no_markup(tmp_path):
 
 def test_meanings_are_of_keys_that_there_are():
     history = synthetic_run.history(2, steps=30)
-    assert set(MEANING) - {"solver", "thrust_max"} <= set(synthetic_run.summary(history))
+    assert set(MEANING) - {"solver", "thrust_max", "thrust_min"} <= set(synthetic_run.summary(history))
 
 
 @pytest.mark.parametrize("command", ["report", "animate"])

@@ -16,10 +16,21 @@ from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.guidance import GUIDANCE_LAWS
 from gbt_ocp.experiments.config.json_schema import json_schema
 from gbt_ocp.experiments.config.planner import SOLVER_CHOICES
+from gbt_ocp.models.known_vehicles import KNOWN_VEHICLES
 
 
 def _add_nothing(parser: argparse.ArgumentParser) -> None:
     pass
+
+
+def _add_what(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "what",
+        nargs="?",
+        metavar="WHAT",
+        choices=("problems", "configurations", "trackers", "guidance laws", "vehicles", "solvers"),
+        help="one of the lists alone: problems, configurations, trackers, 'guidance laws', vehicles or solvers",
+    )
 
 
 def _list(arguments: argparse.Namespace) -> int:
@@ -28,8 +39,11 @@ def _list(arguments: argparse.Namespace) -> int:
         "configurations": {name: catalogue.config_description(name) for name in catalogue.config_names()},
         "trackers": {name: kind.says for name, kind in TRACKERS.items()},
         "guidance laws": GUIDANCE_LAWS,
+        "vehicles": {name: vehicle.says for name, vehicle in KNOWN_VEHICLES.items()},
         "solvers": SOLVER_CHOICES,
     }
+    if arguments.what is not None:
+        sections = {arguments.what: sections[arguments.what]}
     for number, (title, entries) in enumerate(sections.items()):
         show(f"{'' if number == 0 else chr(10)}{title}")
         for name, description in entries.items():
@@ -57,9 +71,9 @@ def _new(arguments: argparse.Namespace) -> int:
 
 LIST = Subcommand(
     "list",
-    "list problems, configurations, trackers, guidance laws and solvers",
-    ("gbt-ocp list",),
-    _add_nothing,
+    "list problems, configurations, trackers, guidance laws, vehicles and solvers",
+    ("gbt-ocp list", "gbt-ocp list vehicles"),
+    _add_what,
     _list,
 )
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gbt_ocp.experiments.build.estimators import configured_noise
 from gbt_ocp.experiments.config.tracker import TrackerSection
@@ -48,27 +50,52 @@ def replay_noise_warnings(
     compared with each other.
     """
     configured = configured_noise(section, sensor)
-    noise = BearingNoise(max(UNSTATED, sensor.noise)) if configured is None else _at_least(configured)
+    for chosen, noise in _noises(log, configured, sensor):
+        measures = [standardised_kinks(log.times[chosen], log.bearings[chosen], noise)]
+        if configured is not None:
+            before = Forecast(track.before.mean[chosen], track.before.covariance[chosen])
+            measures.append(standardised_innovations(before, log.own[chosen], log.bearings[chosen], noise))
+        lines = _line(track.name, disagreement(measures), noise)
+        if lines:
+            return lines
+    return []
+
+
+def _noises(
+    log: BearingLog, configured: BearingNoise | None, sensor: BearingSensor
+) -> Iterator[tuple[NDArray[np.bool_], BearingNoise]]:
+    """Which bearings have which noise: those that do not say theirs the configured one, each sensor its own."""
     seen = np.isfinite(log.bearings).all(axis=1)
-    measures = [standardised_kinks(log.times[seen], log.bearings[seen], noise)]
-    if configured is not None:
-        measures.append(standardised_innovations(track.before, log.own, log.bearings, noise))
-    return _line(track.name, disagreement(measures), noise)
+    stds = np.array([np.nanmax(one.std) if np.isfinite(one.std).any() else np.nan for one in log.sightings])
+    silent = seen & np.isnan(stds)
+    if silent.any():
+        yield silent, BearingNoise(max(UNSTATED, sensor.noise)) if configured is None else _at_least(configured)
+    names = np.array([one.sensor for one in log.sightings])
+    for name in dict.fromkeys(names[seen & ~silent].tolist()):
+        of_sensor = seen & ~silent & (names == name)
+        yield of_sensor, _at_least(BearingNoise(float(np.median(stds[of_sensor]))))
 
 
 def run_noise_warnings(
-    history: History, section: TrackerSection, sensor: BearingSensor, forecast_period: float
+    history: History,
+    section: TrackerSection,
+    sensor: BearingSensor,
+    forecast_period: float,
+    each_its_own: bool = False,
 ) -> list[str]:
     """A line if the bearings of a run disagree with the noise that its tracker was given; else nothing.
 
     What was expected of a bearing is the forecast of the step before, a period ahead. A tracker without a noise of its
     own has none that could differ from the sensor's. The bearings are not compared with each other: they are of one
-    target, which a vehicle may pass so near that its direction jumps.
+    target, which a vehicle may pass so near that its direction jumps. Where each measurement says its own noise, as of
+    several sensors, the largest of them counts if it is above that of the tracker.
     """
     configured = configured_noise(section, sensor)
     if configured is None:
         return []
     noise = _at_least(configured)
+    if each_its_own:
+        noise = replace(noise, std=max(noise.std, sensor.noise))
     own = history.vehicle_pose[:, : history.dimension]
     place = sensor.period / forecast_period
     index, share = int(place), place - int(place)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import os
@@ -14,19 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from gbt_ocp.experiments.bearing_log import read_log
 from gbt_ocp.experiments.build.far_priors import far_priors
 from gbt_ocp.experiments.build.trackers import build_tracker
+from gbt_ocp.experiments.config import yaml_dialect as dialect
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config, load_tracker
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.config.tracker import TrackerSection
+from gbt_ocp.experiments.logs.read import read_log
 from gbt_ocp.experiments.noise_check import replay_noise_warnings
-from gbt_ocp.files import whole_folder
+from gbt_ocp.files import optional_module, whole_folder
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.replay_scores import scores
 from gbt_ocp.simulation.replayed_track import BearingLog, ReplayedTrack, _followed
+from gbt_ocp.simulation.sensor_residuals import by_sensor
 from gbt_ocp.simulation.summary import installed_versions
 from gbt_ocp.tracking.gaps import gap_warning
 from gbt_ocp.tracking.protocol import PositionTracker
@@ -49,30 +50,36 @@ class Replayed:
         One for each tracker.
     summary
         Scores of each tracker by name (see :func:`~gbt_ocp.simulation.replay_scores.scores`), and numbers of the log.
+    exports
+        Files of the tracks that :meth:`save` writes.
     """
 
     configuration: Configuration
     log: BearingLog
     tracks: list[ReplayedTrack]
     summary: dict[str, Any]
+    exports: tuple[str, ...] = ()
 
     def save(self, folder: str | os.PathLike[str], figures: bool = True) -> Path:
-        """Write the folder: ``config.yaml``, ``summary.json``, ``scores.md``, ``NAME.csv``, ``figures/*.png``.
+        """Write the folder: ``config.yaml``, ``summary.json``, ``scores.md``, tracks, ``figures/*.png``.
+
+        Tracks are ``NAME.csv`` and ``NAME-residuals.csv``, ``tracks.geojson``, ``tracks.gpx``, ``tracks.mcap`` and
+        ``map.html``, as far as ``replay.export`` asks for them.
 
         Raises
         ------
         FileExistsError
             If there is something of that name already.
         """
-        from gbt_ocp.reporting.replay_figures import draw_replay, score_table  # matplotlib only when something is drawn
+        from gbt_ocp.reporting.replay_figures import draw_replay, score_text  # matplotlib only when something is drawn
+        from gbt_ocp.reporting.track_files import write_tracks
 
         final = Path(folder)
         with whole_folder(final) as temporary:
-            (temporary / run_folder.CONFIGURATION).write_text(self.configuration.to_yaml(), encoding="utf-8")
+            (temporary / run_folder.CONFIGURATION).write_text(_without_problem(self.configuration), encoding="utf-8")
             run_folder.write_summary(temporary, self.summary)
-            (temporary / "scores.md").write_text(score_table(self.summary).markdown() + "\n", encoding="utf-8")
-            for track in self.tracks:
-                _write_track(temporary / f"{track.name}.csv", track, self.log)
+            (temporary / "scores.md").write_text(score_text(self.summary) + "\n", encoding="utf-8")
+            write_tracks(temporary, self.log, self.tracks, self.summary, self.exports)
             if figures:
                 (temporary / run_folder.FIGURES).mkdir()
                 for name, figure in draw_replay(self.log, self.tracks, self.configuration.replay.score_from_s).items():
@@ -88,6 +95,10 @@ def replay(
     bearing_from: str | None = None,
     latency: float | None = None,
     where: Mapping[str, str | float] | None = None,
+    mapping: str | os.PathLike[str] | None = None,
+    topics: Sequence[str] = (),
+    origin_deg: tuple[float, float] | None = None,
+    export: Sequence[str] = (),
     overrides: Sequence[str] = (),
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Replayed:
@@ -96,7 +107,7 @@ def replay(
     Parameters
     ----------
     log
-        CSV file; see :func:`~gbt_ocp.experiments.bearing_log.read_log`.
+        A log of any format; see :func:`~gbt_ocp.experiments.logs.read.read_log`.
     configuration
         As for :func:`gbt_ocp.run`; its sections ``tracker`` and ``replay`` count.
     trackers
@@ -106,6 +117,8 @@ def replay(
         Replace ``replay.bearing_from`` and ``replay.latency_s``.
     where
         Values by column, added to ``replay.where``.
+    mapping, topics, origin_deg, export
+        Replace ``replay.mapping``, ``replay.topics``, ``replay.origin_deg`` and ``replay.export``.
     overrides
         ``key.path=value`` strings.
     progress
@@ -130,17 +143,37 @@ def replay(
         changes.append(f"replay.latency_s={latency}")
     if where:
         changes.append(f"replay.where={json.dumps(dict(where))}")
-    config = load_config(configuration, changes)
+    if mapping is not None:
+        changes.append(f"replay.mapping={json.dumps(os.fspath(mapping))}")
+    if topics:
+        changes.append(f"replay.topics={json.dumps(list(topics))}")
+    if origin_deg is not None:
+        changes.append(f"replay.origin_deg={json.dumps(list(origin_deg))}")
+    if export:
+        changes.append(f"replay.export={json.dumps(list(export))}")
+    config = load_config(configuration, changes, of_log=True)
     section = config.replay
-    if section.bearing_from is None:
-        allowed = "x (counter-clockwise from +x), north (clockwise from +y)"
-        raise ConfigurationError([f"--bearing-from: found nothing, nor replay.bearing_from; allowed: {allowed}"])
-    data = read_log(Path(log), section.bearing_from, section.latency_s, section.where)
+    data = read_log(
+        Path(log),
+        section.bearing_from,
+        section.latency_s,
+        section.where,
+        mapping=section.mapping,
+        topics=section.topics,
+        origin_deg=section.origin_deg,
+        in_plane=section.in_plane,
+        heading_std=math.radians(section.heading_std_deg),
+        stds={
+            "range": section.range_std_m,
+            "size": None if section.size_std_deg is None else math.radians(section.size_std_deg),
+        },
+    )
+    exports = _possible_exports(section.export, data)
     for line in data.warnings:
         warnings.warn(line, RuntimeWarning, stacklevel=2)
     # the dimension is the log's, whatever the problem; nothing else of a problem counts
     config = config.model_copy(update={"tracker": load_tracker(configuration, changes, data.dimension)})
-    sensor = BearingSensor(data.period, math.radians(config.sensor.noise_deg))
+    sensor = BearingSensor(data.period, math.radians(config.bearing_noise_deg))
     tracks = []
     chosen = _trackers(config, configuration, changes, trackers, data.dimension)
     doubts = [f"{name}: {line}" for name, single in chosen.items() for line in far_priors(single, data.own[0], sensor)]
@@ -153,7 +186,12 @@ def replay(
                 [f"--tracker: found {name}, which needs positions; allowed: those that take bearings"]
             )
         tracks.append(_followed(name, tracker, data, section.ahead_s, progress))
-    afterwards = [
+        if not np.isfinite(tracks[-1].mean).any():
+            raise ConfigurationError(
+                [f"{log}: {name}: {line}; allowed: another tracker" for line in tracks[-1].left_out]
+            )
+    afterwards = [f"{track.name}: {line}" for track in tracks for line in track.left_out]
+    afterwards += [
         gap_warning(", ".join(track.name for track in tracks if track.new_tracks == times), times)
         for times in dict.fromkeys(track.new_tracks for track in tracks)
         if times
@@ -164,13 +202,17 @@ def replay(
         warnings.warn(f"{log}: {line}", RuntimeWarning, stacklevel=2)
     summary: dict[str, Any] = {
         "log": str(log),
-        "bearings": len(data.times),
+        "bearings": int(np.sum(np.isfinite(data.bearings).all(axis=1))),
+        "measurements": data.kinds,
         "rows_without_bearing": data.own_rows,
         "duration_s": float(data.times[-1] - data.times[0]),
         "warnings": [*data.warnings, *doubts, *afterwards],
         "versions": installed_versions(),
         "trackers": {
-            track.name: {"new_tracks": len(track.new_tracks)}
+            track.name: {
+                "new_tracks": len(track.new_tracks),
+                "sensors": by_sensor(track, data, section.score_from_s),
+            }
             | scores(
                 data,
                 track.times,
@@ -191,7 +233,46 @@ def replay(
         summary["trackers"][f"constant {distance:.15g} m"] = scores(
             data, data.times, guess, unknown, section.ahead_s, section.score_from_s
         )
-    return Replayed(config, data, tracks, run_folder.strict(summary))
+    return Replayed(config, data, tracks, run_folder.strict(summary), exports)
+
+
+LAST_STAMP = 1.8e10
+"""Seconds that a stamp of MCAP holds: 64 bits of nanoseconds."""
+
+EXPORTS = ("csv", "geojson", "gpx", "mcap", "page")
+"""Files of the tracks."""
+
+
+def _possible_exports(asked: Sequence[str], log: BearingLog) -> tuple[str, ...]:
+    """Files of the tracks that are written: those that are asked for, or all that can be.
+
+    Raises
+    ------
+    ConfigurationError
+        If one that is asked for cannot be.
+    """
+    hindrances = {}
+    if log.plane is None:
+        allowed = "a log with latitude and longitude, or --origin LAT,LON"
+        line = f"found positions without a place on the globe; allowed: {allowed}"
+        hindrances = {"geojson": line, "gpx": line}
+    try:
+        optional_module("mcap.writer", "mcap", "MCAP files")
+        outside = [time for time in (log.times[0], log.times[-1]) if not 0.0 <= time < LAST_STAMP]
+        if outside:
+            hindrances["mcap"] = f"found a time of {outside[0]:.15g} s; allowed: those from 0 to {LAST_STAMP:.3g} s"
+    except ValueError as fault:
+        hindrances["mcap"] = str(fault)
+    faults = [f"--export: {name}: {hindrances[name]}" for name in asked if name in hindrances]
+    if faults:
+        raise ConfigurationError(faults)
+    return tuple(asked) or tuple(name for name in EXPORTS if name not in hindrances)
+
+
+def _without_problem(configuration: Configuration) -> str:
+    """The sections that count for a log as a file; loading it again replays the same."""
+    resolved = configuration.to_mapping()
+    return dialect.dump({name: resolved[name] for name in ("name", "sensor", "tracker", "replay")})
 
 
 def _trackers(
@@ -217,27 +298,3 @@ def _trackers(
         else:
             found[name] = config.tracker
     return found
-
-
-def _write_track(path: Path, track: ReplayedTrack, log: BearingLog) -> None:
-    """One line for each bearing: time, position, its covariance, range with deviation, residual in degrees."""
-    d = log.dimension
-    axes = "xyz"[:d]
-    pairs = [(i, j) for i in range(d) for j in range(i, d)]
-    relative = track.range_std_over_range(log.own)
-    distance = np.linalg.norm(track.mean - log.own, axis=1)
-    columns = [
-        track.times,
-        *track.mean.T,
-        *(track.covariance[:, i, j] for i, j in pairs),
-        distance,
-        relative * distance,
-        *np.rad2deg(track.residual).T,
-    ]
-    names = ["t", *axes, *(f"cov_{axes[i]}{axes[j]}" for i, j in pairs), "range", "range_std"]
-    names += ["residual_deg"] if d == 2 else ["residual_1_deg", "residual_2_deg"]
-    # the shortest text that reads back as the same number: a map coordinate or an absolute time loses nothing
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(names)
-        writer.writerows(np.column_stack(columns).tolist())

@@ -23,6 +23,7 @@ from gbt_ocp.experiments.noise_check import run_noise_warnings
 from gbt_ocp.experiments.result import Result
 from gbt_ocp.guidance.startup import planner_of
 from gbt_ocp.guidance.strategy import Guidance
+from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.ocp.codegen.library import CompilerError
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
@@ -106,7 +107,7 @@ def run(
     ]
     for line in doubts:
         warnings.warn(f"{configuration.name}: {line}", RuntimeWarning, stacklevel=2)
-    period = configuration.sensor.period_s
+    period = configuration.period_s
     steps = step_count(configuration.duration_s, period)
     with (
         interrupted_between_steps() as check,
@@ -138,16 +139,20 @@ def run(
         versions=installed_versions(),
         forecast_period=configuration.forecast_period,
         standoff=configuration.standoff,
+        hotel_w=configuration.vehicle.hotel_w,
     )
     # the configuration has `auto`, which does not name the solver that was chosen
     planner = planner_of(loop.guidance)
     summary["solver"] = planner.solver.name if isinstance(planner, Planner) else None
-    afterwards = run_noise_warnings(history, configuration.tracker, loop.sensor, configuration.forecast_period)
+    afterwards = run_noise_warnings(
+        history, configuration.tracker, loop.sensor, configuration.forecast_period, loop.sensors is not None
+    )
     if recording.new_tracks:
         afterwards.append(gap_warning(configuration.tracker.kind, recording.new_tracks))
     for line in afterwards:
         warnings.warn(f"{configuration.name}: {line}", RuntimeWarning, stacklevel=2)
     summary["warnings"] = [*doubts, *afterwards]
     # the configuration has no limits of a problem's own vehicle
-    summary["thrust_max"] = loop.vehicle.thrust_max.tolist()
+    limits = ThrustRange.of(loop.vehicle)
+    summary["thrust_max"], summary["thrust_min"] = limits.upper.tolist(), limits.lower.tolist()
     return Result(configuration, history, summary)

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from gbt_ocp.models.sizes import positive
+from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.typing import Array
 
@@ -30,7 +31,7 @@ class InverseDynamics:
         n = vehicle.flat_dimension
         point = [ca.SX.sym(name, n) for name in ("z", "dz", "ddz")]
         self._inputs = ca.Function("inputs", point, [vehicle.inputs(*point)])
-        self._limit = vehicle.thrust_max
+        self._range = ThrustRange.of(vehicle)
         self._dimension = vehicle.position_dimension
         self._period = positive("period", period)
 
@@ -39,7 +40,7 @@ class InverseDynamics:
         whole = -flat[1] / self._period
         whole[: self._dimension] = acceleration
         thrust = np.asarray(self._inputs(flat[0], flat[1], whole), dtype=float).ravel()
-        return np.asarray(np.clip(thrust, -self._limit, self._limit))
+        return self._range.clip(thrust)
 
     def reach_velocity(self, flat: Array, velocity: Array) -> Array:
         """Thrust ``(m,)`` that reaches a velocity ``(d,)`` in m/s within a period, as far as the limits allow."""

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.models.sizes import positive
+from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
@@ -39,10 +40,10 @@ class ConstantForce:
     """
 
     def __init__(self, vehicle: Vehicle, force: ArrayLike) -> None:
-        limit, given = vehicle.thrust_max, np.asarray(force, dtype=float)
-        if given.shape != limit.shape or not np.all(np.isfinite(given)):
-            raise ValueError(f"guidance.force: found {given.tolist()}; allowed: {limit.size} finite numbers")
-        self._thrust: Array = np.clip(given, -limit, limit)
+        limits, given = ThrustRange.of(vehicle), np.asarray(force, dtype=float)
+        if given.shape != limits.upper.shape or not np.all(np.isfinite(given)):
+            raise ValueError(f"guidance.force: found {given.tolist()}; allowed: {limits.upper.size} finite numbers")
+        self._thrust: Array = limits.clip(given)
 
     def decide(self, time: float, flat: Array, forecast: Forecast) -> Array:
         """The constant thrust."""
@@ -68,16 +69,16 @@ class RandomThrust:
     """
 
     def __init__(self, vehicle: Vehicle, hold: float, rng: np.random.Generator) -> None:
-        self._limit = vehicle.thrust_max
+        self._range = ThrustRange.of(vehicle)
         self._hold = positive("hold", hold)
         self._rng = rng
         self._draw = -1
-        self._thrust = np.zeros_like(self._limit)
+        self._thrust = np.zeros_like(self._range.upper)
 
     def decide(self, time: float, flat: Array, forecast: Forecast) -> Array:
         """The thrust of the interval that ``time`` lies in."""
         draw = int(np.floor(time / self._hold + 1e-9))
         while self._draw < draw:
-            self._thrust = self._rng.uniform(-self._limit, self._limit)
+            self._thrust = self._rng.uniform(self._range.lower, self._range.upper)
             self._draw += 1
         return self._thrust

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sizes import positive
+from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.typing import Array
 
@@ -96,12 +97,12 @@ def steady_speed(vehicle: Vehicle) -> float | None:
 
     ``None`` if there is no drag to limit it.
     """
-    thrust, rest = thrust_of(vehicle), np.zeros(vehicle.flat_dimension)
+    thrust, rest, limits = thrust_of(vehicle), np.zeros(vehicle.flat_dimension), ThrustRange.of(vehicle)
     speeds = []
     for along in np.eye(vehicle.flat_dimension)[:2]:
 
         def load(speed: float, along: Array = along) -> float:
-            return float(np.max(np.abs(thrust(rest, speed * along, rest)) / vehicle.thrust_max))
+            return float(np.max(limits.used(thrust(rest, speed * along, rest))))
 
         speed = largest_speed(load)
         if speed is None:
@@ -135,13 +136,14 @@ def circling_speed(vehicle: Vehicle, radius: float, share: float = 1.0) -> float
     positive("radius", radius)
     positive("share", share)
     thrust, size, d = thrust_of(vehicle), vehicle.flat_dimension, vehicle.position_dimension
+    limits = ThrustRange.of(vehicle)
 
     def load(speed: float) -> float:
         z, dz, ddz = np.zeros((3, size))
         z[0], dz[1], ddz[0] = radius, speed, -(speed**2) / radius
         if size > d:
             z[d], dz[d] = math.pi / 2.0, speed / radius
-        return float(np.max(np.abs(thrust(z, dz, ddz)) / (share * vehicle.thrust_max)))
+        return float(np.max(limits.used(thrust(z, dz, ddz)) / share))
 
     speed = largest_speed(load)
     return FASTEST if speed is None else speed

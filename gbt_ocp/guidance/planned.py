@@ -20,12 +20,15 @@ from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.tracking.protocol import Forecast, JointForecast, WeighedForecasts
 from gbt_ocp.typing import Array
 
+ON_SCHEDULE = 1.0e-6
+"""Deviation in seconds up to which a step counts as one on time."""
+
 
 class PlannedMotion:
     """Solves the trajectory problem whenever a piece is through, for the forecast and the desired bearings at its ends.
 
     With pieces of one sampling period that is at every step, as in the paper; with longer ones the plan is followed on
-    in between.
+    in between. Steps need not come on time: the next plan is made at the one nearest to the end of a piece.
 
     Parameters
     ----------
@@ -76,7 +79,7 @@ class PlannedMotion:
         self._hypotheses = hypotheses
         self._seen: Array | None = None
         self._plan: Plan | None = None
-        self._followed = 0
+        self._planned_at = 0.0
         self._legs_begun = False
 
     def see(self, bearing: Array | None) -> None:
@@ -135,11 +138,11 @@ class PlannedMotion:
         """The plan from ``time`` on."""
         self.remember(time, flat, forecast)
         problem = self.planner.problem
-        self._followed += 1
-        if self._plan is not None and self._followed < self._steps:
+        elapsed, steps = self._elapsed(time)
+        if self._plan is not None and steps < self._steps:
             return replace(
                 self._plan,
-                elapsed=self._followed * problem.period / self._steps,
+                elapsed=elapsed,
                 status="",
                 fallback="",
                 iterations=0,
@@ -158,8 +161,15 @@ class PlannedMotion:
         if self._hypotheses is not None:
             data["hypotheses"] = self._around(time, forecast, self._hypotheses)
         plan = self.planner.solve(_continued(flat, problem.joined), **data)
-        self._plan, self._followed = plan if isinstance(plan, Plan) else None, 0
+        self._plan, self._planned_at = plan if isinstance(plan, Plan) else None, time
         return plan
+
+    def _elapsed(self, time: float) -> tuple[float, int]:
+        """Seconds since the last plan, and how many steps they are."""
+        since, period = time - self._planned_at, self.planner.problem.period
+        count = round(since * self._steps / period)
+        on_time = count * period / self._steps  # a time k T is rounded
+        return (on_time if abs(since - on_time) <= ON_SCHEDULE else since), count
 
     def _around(
         self, time: float, forecast: Forecast, predict: Callable[[ArrayLike], WeighedForecasts]

@@ -10,6 +10,7 @@ from gbt_ocp.models.bearings import (
     unit_bearing,
 )
 from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenParameters, FossenVehicle
+from gbt_ocp.models.known_vehicles import BLUEROV2_HEAVY_2D, BLUEROV2_HEAVY_3D, KNOWN_VEHICLES, KnownVehicle
 from gbt_ocp.models.measurements import Measurement, Mounting, Sighting
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import MotionTarget, Target, TrackTarget, case_target
@@ -17,12 +18,16 @@ from gbt_ocp.models.turning import TurningTarget
 from gbt_ocp.models.vehicles import PlanarPointMass, Unicycle, Vehicle, acceleration
 
 __all__ = [
+    "BLUEROV2_HEAVY_2D",
+    "BLUEROV2_HEAVY_3D",
     "FALCON_2D",
     "FALCON_3D",
+    "KNOWN_VEHICLES",
     "BearingSensor",
     "DesiredBearing",
     "FossenParameters",
     "FossenVehicle",
+    "KnownVehicle",
     "Measurement",
     "MotionTarget",
     "Mounting",

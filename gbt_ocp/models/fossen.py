@@ -90,6 +90,12 @@ FALCON_3D = FossenParameters(
 """The Falcon with heave: section 5.1 of the paper."""
 
 
+def _along_body(c: Any, s: Any, dz: Any) -> list[Any]:
+    """The components of ν at a yaw of that cosine and sine."""
+    rest = [dz[index] for index in range(2, dz.shape[0])]
+    return [c * dz[0] + s * dz[1], -s * dz[0] + c * dz[1], *rest]
+
+
 class FossenVehicle:
     """Fossen's equations in the plane (3-DOF) or with heave (4-DOF), fully actuated (``eq2``).
 
@@ -102,18 +108,26 @@ class FossenVehicle:
         Coefficients; three entries a sequence make a planar vehicle, four a vehicle with heave.
     thrust_max
         τ_max: forces in N on each axis, then the yaw moment in N m, ``(n,)``.
+    thrust_min
+        τ_min in the same units ``(n,)``, all below 0; by default -τ_max.
 
     Raises
     ------
     ValueError
-        If the limits do not fit the coefficients or are not positive.
+        If the limits do not fit the coefficients, or are not on their side of 0.
     """
 
-    def __init__(self, parameters: FossenParameters, thrust_max: ArrayLike) -> None:
+    def __init__(
+        self, parameters: FossenParameters, thrust_max: ArrayLike, thrust_min: ArrayLike | None = None
+    ) -> None:
         self.parameters = parameters
         self.flat_dimension = len(parameters.added_mass)
         self.position_dimension = self.flat_dimension - 1
         self.thrust_max = vector("thrust_max", thrust_max, self.flat_dimension, above_zero=True)
+        self.thrust_min: Array | None = None
+        if thrust_min is not None:
+            lower = np.asarray(thrust_min, dtype=float)
+            self.thrust_min = -vector("minus thrust_min", -lower, self.flat_dimension, above_zero=True)
         self._inertia = parameters.inertia_diagonal
         self._linear_drag = np.asarray(parameters.linear_drag, dtype=float)
         self._quadratic_drag = np.asarray(parameters.quadratic_drag, dtype=float)
@@ -128,18 +142,21 @@ class FossenVehicle:
         This is ``eq30`` with its misprint corrected: there C multiplies ż in earth axes.
         """
         c, s, r = ca.cos(z[-1]), ca.sin(z[-1]), dz[-1]
-        heave = [dz[2]] if self.flat_dimension == 4 else []
         heave_rate = [ddz[2]] if self.flat_dimension == 4 else []
-        u, v = c * dz[0] + s * dz[1], -s * dz[0] + c * dz[1]
+        u, v, *others = _along_body(c, s, dz)
         # J̇ᵀż is the turn of the body frame: (r v, -r u)
         u_rate = c * ddz[0] + s * ddz[1] + r * v
         v_rate = -s * ddz[0] + c * ddz[1] - r * u
-        nu = ca.vertcat(u, v, *heave, r)
+        nu = ca.vertcat(u, v, *others)
         nu_rate = ca.vertcat(u_rate, v_rate, *heave_rate, ddz[-1])
         m = self._inertia
-        coriolis = ca.vertcat(-m[1] * v * r, m[0] * u * r, *([0.0] if heave else []), (m[1] - m[0]) * u * v)
+        coriolis = ca.vertcat(-m[1] * v * r, m[0] * u * r, *(0.0 for _ in heave_rate), (m[1] - m[0]) * u * v)
         drag = (ca.DM(self._linear_drag) + ca.DM(self._quadratic_drag) * ca.sqrt(nu**2 + DRAG_SMOOTHING)) * nu
         return ca.DM(m) * nu_rate + coriolis + drag
+
+    def body_velocity(self, z: Any, dz: Any) -> Any:
+        """``ν = Jᵀż`` ``(n,)``, a CasADi expression: with τ, what the thrusters' power is made of (``Σ|τ_i ν_i|``)."""
+        return ca.vertcat(*_along_body(ca.cos(z[-1]), ca.sin(z[-1]), dz))
 
     def coriolis_matrix(self, nu: ArrayLike) -> Array:
         """C(ν) ``(n, n)``, skew-symmetric, with the added mass in it (Fossen 2011, section 6.3)."""

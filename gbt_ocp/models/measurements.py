@@ -7,11 +7,13 @@ counter-clockwise, an elevation from the horizontal upwards. All are in radians,
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.bearings import unit_bearing
 from gbt_ocp.models.sizes import not_negative, vector
 from gbt_ocp.typing import Array
 
@@ -58,6 +60,8 @@ class Sighting:
         Of the sensor ``(d,)`` in metres.
     sensor
         Its name.
+    direction
+        The unit vector ``(d,)`` of the angles where it is known better than from them; ``None`` otherwise.
     """
 
     time: float
@@ -66,6 +70,14 @@ class Sighting:
     std: Array
     position: Array
     sensor: str
+    direction: Array | None = None
+
+    @classmethod
+    def of_bearing(cls, time: float, bearing: Array, position: Array, sensor: str = "sensor") -> Sighting:
+        """The sighting of a unit vector ``(d,)``, of unstated deviation, from a position ``(d,)`` in metres."""
+        kind: MeasurementKind = "azimuth" if bearing.size == 2 else "azimuth_elevation"
+        angles = np.array(_angles(bearing))
+        return cls(time, kind, angles, np.full(len(angles), np.nan), position, sensor, bearing)
 
     @property
     def bearing(self) -> Array:
@@ -79,10 +91,9 @@ class Sighting:
         dimension = self.position.size
         if (self.kind, dimension) not in (("azimuth", 2), ("azimuth_elevation", 3)):
             raise ValueError(f"kind: a measurement of kind '{self.kind}' is not a bearing in {dimension} dimensions")
-        level = np.array([np.cos(self.value[0]), np.sin(self.value[0])])
-        if dimension == 2:
-            return level
-        return np.append(np.cos(self.value[1]) * level, np.sin(self.value[1]))
+        if self.direction is not None:
+            return self.direction
+        return _unit(self.value)
 
 
 @dataclass(frozen=True)
@@ -106,11 +117,15 @@ class Measurement:
         for a sensor that is not configured.
     mounting
         Where the sensor sits. ``None`` leaves it to what is configured, and is the vehicle's origin otherwise.
+    direction
+        The angles as a unit vector ``(d,)`` in the same frame, which is exact to the last bit where they are rounded;
+        see :meth:`of_direction`.
 
     Raises
     ------
     ValueError
-        If the kind or the frame is unknown, a number is not finite, or a standard deviation is not above 0.
+        If the kind or the frame is unknown, a number is not finite, a standard deviation is not above 0, or the
+        direction is not that of the angles.
     """
 
     time: float
@@ -120,6 +135,34 @@ class Measurement:
     sensor: str = "sensor"
     frame: Frame | None = None
     mounting: Mounting | None = field(default=None)
+    direction: ArrayLike | None = None
+
+    @classmethod
+    def of_direction(
+        cls,
+        time: float,
+        direction: ArrayLike,
+        std: float | ArrayLike | None = None,
+        sensor: str = "sensor",
+        frame: Frame | None = None,
+        mounting: Mounting | None = None,
+    ) -> Measurement:
+        """The measurement of a direction ``(d,)``, a vector of any length in the frame of the angles.
+
+        It is of kind ``azimuth`` in the plane, ``azimuth_elevation`` in space.
+
+        Raises
+        ------
+        ValueError
+            If the direction is not two or three finite numbers, or is zero.
+        """
+        line = vector("direction", direction, 3 if np.size(direction) == 3 else 2)
+        if not np.any(line):
+            raise ValueError(f"direction: found {direction!r}; allowed: a vector that is not zero")
+        unit = unit_bearing(line, np.zeros_like(line))
+        kind: MeasurementKind = "azimuth" if unit.size == 2 else "azimuth_elevation"
+        angles = _angles(unit)
+        return cls(time, kind, angles[0] if len(angles) == 1 else angles, std, sensor, frame, mounting, unit)
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(MeasurementKind):
@@ -131,8 +174,14 @@ class Measurement:
         count = self.components.size
         if self.std is not None:
             vector("std", np.broadcast_to(np.asarray(self.std, dtype=float), (count,)), count, above_zero=True)
+        if self.direction is not None:
+            unit = _unit(self.components)
+            if self.kind not in _AZIMUTHS or not np.allclose(vector("direction", self.direction, unit.size), unit):
+                raise ValueError(
+                    f"direction: found {self.direction!r}; allowed: the unit vector of the angles, or none"
+                )
 
-    @property
+    @cached_property
     def components(self) -> Array:
         """The value as an array ``(m,)``."""
         found = np.atleast_1d(np.asarray(self.value, dtype=float))
@@ -157,7 +206,8 @@ class Measurement:
             arm = vector("mounting.position", mounting.position, position.size)
             position[:2] += _turned(arm[:2], yaw)
             position[2:] += arm[2:]
-        value = self.components
+        value = self.components.copy()
+        direction = None if self.direction is None else np.array(self.direction, dtype=float)
         std = np.full(value.size, np.nan)
         if self.std is not None:
             std = np.broadcast_to(np.asarray(self.std, dtype=float), value.shape).copy()
@@ -167,8 +217,22 @@ class Measurement:
                 value += position
             elif self.kind in _AZIMUTHS:
                 value[0] += yaw + mounting.yaw
+                if direction is not None:
+                    direction[:2] = _turned(direction[:2], yaw + mounting.yaw)
                 std[0] = np.hypot(std[0], heading_std)
-        return Sighting(self.time, self.kind, value, std, position, self.sensor)
+        return Sighting(self.time, self.kind, value, std, position, self.sensor, direction)
+
+
+def _unit(angles: Array) -> Array:
+    """The unit vector of an azimuth ``(2,)``, or of an azimuth and an elevation ``(3,)``."""
+    level = np.array([np.cos(angles[0]), np.sin(angles[0])])
+    return level if angles.size == 1 else np.append(np.cos(angles[1]) * level, np.sin(angles[1]))
+
+
+def _angles(unit: Array) -> list[float]:
+    """Azimuth, and elevation in space, of a unit vector ``(d,)``."""
+    azimuth = float(np.arctan2(unit[1], unit[0]))
+    return [azimuth] if unit.size == 2 else [azimuth, float(np.arctan2(unit[2], np.hypot(unit[0], unit[1])))]
 
 
 def _turned(level: Array, angle: float) -> Array:

@@ -41,8 +41,10 @@ class MotionTarget:
 
     def position(self, times: ArrayLike) -> Array:
         """P_T(t) ``(..., d)``."""
-        t = np.asarray(times, dtype=float)
-        return np.stack([coordinate(t) + 0.0 * t for coordinate in self.coordinates], axis=-1)
+        shape = np.shape(times)
+        t = np.atleast_1d(np.asarray(times, dtype=float))  # NumPy rounds powers of single numbers in another way
+        found = np.stack([coordinate(t) + 0.0 * t for coordinate in self.coordinates], axis=-1)
+        return found.reshape(*shape, self.dimension)
 
 
 def _line(t: Array) -> Array:

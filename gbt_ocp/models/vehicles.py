@@ -27,7 +27,8 @@ class Vehicle(Protocol):
     flat_dimension
         n, the number of flat outputs z; the first d of them are the position.
     thrust_max
-        Limits of the inputs τ_max ``(m,)``, all positive.
+        Limits of the inputs τ_max ``(m,)``, all positive. A vehicle whose limits differ by sign has ``thrust_min`` too
+        ``(m,)``, all negative; see :class:`~gbt_ocp.models.thrust.ThrustRange`.
     acceleration_scale
         Typical size of z̈ under full thrust ``(n,)``; scales the decision variables and nothing else.
     """

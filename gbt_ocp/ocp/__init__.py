@@ -3,7 +3,7 @@
 from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.export.folder import write_c
 from gbt_ocp.ocp.follower import Follower
-from gbt_ocp.ocp.limits import DepthLimits, KeepOut, KeepOutPolygon, SpeedLimit, ThrustLimit, YawRateLimit
+from gbt_ocp.ocp.limits import DepthLimits, KeepOut, KeepOutPolygon, SpeedLimit, YawRateLimit
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.problem import TrajectoryProblem
@@ -20,6 +20,7 @@ from gbt_ocp.ocp.terms import (
     Objective,
     PathConstraint,
 )
+from gbt_ocp.ocp.thrust_limits import ThrustEffort, ThrustLimit
 from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory
 
 __all__ = [
@@ -46,6 +47,7 @@ __all__ = [
     "Solution",
     "Solver",
     "SpeedLimit",
+    "ThrustEffort",
     "ThrustLimit",
     "TrajectoryProblem",
     "YawRateLimit",

@@ -7,6 +7,7 @@ from math import factorial
 import casadi as ca
 import numpy as np
 
+from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import acceleration
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory, flat_point, propagate, settling
@@ -44,6 +45,7 @@ class BrakingPlanner:
 
     def __init__(self, problem: ProblemData) -> None:
         self._problem = problem
+        self._range = ThrustRange.of(problem.vehicle)
         vehicle, size = problem.vehicle, problem.vehicle.flat_dimension
         z, dz, ddz = (ca.SX.sym(name, size) for name in ("z", "dz", "ddz"))
         thrust = ca.SX.sym("thrust", len(vehicle.thrust_max))
@@ -103,15 +105,15 @@ class BrakingPlanner:
 
     def _excess(self, knot: Array, free: Array, k: int) -> float:
         """How far the thrust exceeds its limits at a point, at least 0; infinite where it is not a number."""
-        thrust = np.abs(np.asarray(self._inputs(*self._point(knot, free, k))).ravel())
-        excess = float(np.max(thrust / self._problem.vehicle.thrust_max)) - 1.0
+        thrust = np.asarray(self._inputs(*self._point(knot, free, k))).ravel()
+        excess = float(np.max(self._range.used(thrust))) - 1.0
         return np.inf if np.isnan(excess) else max(excess, 0.0)
 
     def _move(self, knot: Array, free: Array, k: int) -> Array:
         """What brings the thrust at a point within its limits."""
         problem, n, above = self._problem, knot.shape[1], self._problem.joined - 2
-        point, limit = self._point(knot, free, k), INSIDE * self._problem.vehicle.thrust_max
-        within = np.clip(np.asarray(self._inputs(*point)).ravel(), -limit, limit)
+        point = self._point(knot, free, k)
+        within = self._range.clip(np.asarray(self._inputs(*point)).ravel(), INSIDE)
         power = (problem.period * k / (BRAKING_POINTS - 1)) ** above / factorial(above)
         move = np.zeros(len(free))
         move[:n] = (np.asarray(self._acceleration(point.z, point.dz, within)).ravel() - point.ddz) / power

@@ -7,74 +7,14 @@ A constraint says what is bounded, not how: :meth:`TrajectoryProblem.subject_to`
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
 from gbt_ocp.models.sizes import positive, vector
-from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.typing import Array
-
-
-@dataclass(frozen=True)
-class ThrustLimit:
-    """``|τ| <= τ_max`` on every input of the vehicle (``eq29c``).
-
-    Parameters
-    ----------
-    vehicle
-        Whose inputs are limited.
-    gamma
-        γ in (0, 1]: the solver is held to γ τ_max (``eq35``).
-    units
-        ``normalised``: the thrust over its limit; ``newton``: as the paper prints it, which makes the kink of the
-        penalty so narrow that Newton's method stalls on it.
-
-    Raises
-    ------
-    ValueError
-        If γ lies outside (0, 1] or the units are unknown.
-    """
-
-    name: ClassVar[str] = "thrust"
-
-    vehicle: Vehicle
-    gamma: float = 1.0
-    units: Literal["normalised", "newton"] = "normalised"
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.gamma <= 1.0:
-            raise ValueError(f"gamma must lie in (0, 1], found {self.gamma}")
-        if self.units not in ("normalised", "newton"):
-            raise ValueError(f"units must be 'normalised' or 'newton', found {self.units!r}")
-
-    @property
-    def upper(self) -> Array:
-        """The limits ``(m,)``: ones, or newtons."""
-        limit = self.vehicle.thrust_max
-        return limit.copy() if self.units == "newton" else np.ones_like(limit)
-
-    @property
-    def lower(self) -> Array:
-        """Minus the limits ``(m,)``."""
-        return -self.upper
-
-    @property
-    def backoff(self) -> Array:
-        """``(1 - γ)`` of the limit."""
-        return (1.0 - self.gamma) * self.upper
-
-    @property
-    def scale(self) -> Array:
-        """Violations are reported in units of the limit."""
-        return self.upper
-
-    def value(self, point: FlatPoint) -> Any:
-        """Thrust, over its limit or in newtons."""
-        thrust = self.vehicle.inputs(*point)
-        return thrust if self.units == "newton" else thrust / ca.DM(self.vehicle.thrust_max)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.reporting import style
 from gbt_ocp.reporting.drawable import drawable_history
 from gbt_ocp.reporting.trajectories import trajectories
@@ -39,8 +40,8 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
     history
         The run.
     configuration
-        The mapping of ``config.yaml``; read are ``sensor.period_s`` and, if the summary lacks it,
-        ``vehicle.thrust_max``.
+        The mapping of ``config.yaml``; read are ``sensor.period_s`` (of a list the shortest) and, if the summary
+        lacks it, ``vehicle.thrust_max``.
     summary
         The mapping of ``summary.json``; read are ``settling_s`` and ``thrust_max``.
 
@@ -54,7 +55,11 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
     ValueError
         If a value is missing in the configuration, or does not fit the history.
     """
-    period = _value(configuration, "sensor", "period_s")
+    sensors = configuration.get("sensor")
+    if isinstance(sensors, list) and sensors:
+        period: Any = min((_value({"sensor": one}, "sensor", "period_s") for one in sensors), default=None)
+    else:
+        period = _value(configuration, "sensor", "period_s")
     if not isinstance(period, int | float) or not 0.0 < period < np.inf:
         raise ValueError(f"{run_folder.CONFIGURATION}: sensor.period_s: found {period!r}; allowed: a number > 0")
     # of a problem's own vehicle, only the summary has the limits
@@ -65,6 +70,8 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
         where = f"{run_folder.SUMMARY}: thrust_max" if known else f"{run_folder.CONFIGURATION}: vehicle.thrust_max"
         raise ValueError(f"{where}: found {limits!r}; allowed: {axes_count} numbers")
     thrust_max = np.asarray(limits, dtype=float)
+    lower = summary.get("thrust_min")
+    thrust_range = ThrustRange(-thrust_max if lower is None else np.asarray(lower, dtype=float), thrust_max)
     settling = summary.get("settling_s")
     with style.styled():
         figures = {
@@ -74,7 +81,7 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
         }
         if np.isfinite(history.length_scale).any() or np.isfinite(history.amplitude).any():
             figures["hyperparameters"] = _hyperparameters(history)
-        figures["thrust"] = _thrust(history, thrust_max)
+        figures["thrust"] = _thrust(history, thrust_range)
         if history.planned.any():
             figures["solver_time"] = _times(history, period)
         elif np.isfinite(history.tracker_time).any():
@@ -181,12 +188,12 @@ def _hyperparameters(history: History) -> Figure:
     return figure
 
 
-def _thrust(history: History, thrust_max: Array) -> Figure:
-    count = thrust_max.size
+def _thrust(history: History, limits: ThrustRange) -> Figure:
+    count = limits.upper.size
     figure = style.new_figure(0.6 + 1.15 * count)
     panels = np.atleast_1d(figure.subplots(count, 1, sharex=True))
     names = _AXIS_NAMES.get(count, tuple(f"axis {index + 1}" for index in range(count)))
-    relative = history.thrust / thrust_max
+    relative = np.sign(history.thrust) * limits.used(history.thrust)
     peak = history.piece_thrust_peak
     largest = max(1.0, *(float(np.max(part[np.isfinite(part)], initial=0.0)) for part in (np.abs(relative), peak)))
     for index, (axes, name) in enumerate(zip(panels, names, strict=True)):

@@ -23,6 +23,54 @@ UNSETTLED = 0.1
 """Share of the log at its start that does not set the limits of a map, since nothing is known there yet."""
 
 
+COLUMNS = {
+    "median %": "median of the distance between track and truth, in per cent of the true range",
+    "RMS %": "its root mean square",
+    "95 % %": "what 95 % of these distances stay below",
+    "NEES": "median of the squared error over its covariance; about 1.4 in the plane and 2.4 in space if it is right",
+    "cov": "share of the truth inside the 95 % ellipse; 0.95 if the covariance is right",
+    "range median %": "median error of the range alone, in per cent of the true range",
+    "ahead median %": "median error of the forecast, in per cent of the range then",
+    "ahead cov": "share of the truth inside the 95 % ellipse of the forecast",
+    "range std / range %": "half of the time the tracker's own deviation of the range, over the range, is below this",
+    "observable %": "share of the time in which that is below 25 %, so that the range counts as known",
+    "residual std deg": "deviation of bearings from those that were predicted before they were known, in degrees",
+    "ms a bearing": "time that an update takes",
+}
+"""Columns of the table of scores, and what they are."""
+
+SENSOR_COLUMNS = {
+    "sensor": "its name in the log, and the kind of its measurements",
+    "count": "measurements that are scored",
+    "mean": "of the measurements less what the track predicted before they were known: a bias of the sensor",
+    "std": "their deviation: the noise of the sensor and what was not foreseen of the target",
+}
+"""Columns of the table of residuals by sensor, and what they are."""
+
+
+def score_text(summary: Mapping[str, Any]) -> str:
+    """The tables of scores and of residuals by sensor in Markdown, with what their columns are."""
+    scores, sensors = score_table(summary), sensor_table(summary)
+    text = [scores.markdown(), "", *(f"- {head}: {COLUMNS[head]}" for head in scores.columns if head in COLUMNS)]
+    if sensors.rows:
+        text += ["", sensors.markdown(), "", *(f"- {head}: {says}" for head, says in SENSOR_COLUMNS.items())]
+    return "\n".join(text)
+
+
+def sensor_table(summary: Mapping[str, Any]) -> Table:
+    """Residuals by tracker and sensor."""
+    table = Table("residuals by sensor", ["tracker", "sensor", "count", "mean", "std"])
+    for name, found in summary["trackers"].items():
+        for row in found.get("sensors", []):
+            spread = [_listed(row[key], row["unit"]) for key in ("mean", "std")]
+            table.add(name, f"{row['sensor']}, {row['kind']}", row["count"], *spread)
+    return table
+
+
+def _listed(values: Sequence[float] | None, unit: str) -> str:
+    return "" if values is None else f"{', '.join(f'{value:.3g}' for value in values)} {unit}"
+
+
 def score_table(summary: Mapping[str, Any]) -> Table:
     """The scores of all trackers. Without a truth in the log, those that need none."""
     scored = any("error_median" in found for found in summary["trackers"].values())
@@ -156,12 +204,22 @@ def _residuals(log: BearingLog, tracks: Sequence[ReplayedTrack]) -> Figure:
     figure = style.new_figure(1.2 + 1.1 * len(tracks))
     panels = np.atleast_1d(figure.subplots(len(tracks), 1, sharex=True, sharey=True))
     t = log.times - log.times[0]
+    names = np.array([one.sensor for one in log.sightings])
+    sensors = list(dict.fromkeys(names.tolist()))
     for axes, track, (colour, _) in zip(panels, tracks, cycle(style.CURVES), strict=False):
-        for values in np.rad2deg(track.residual).T:
-            axes.plot(t, values, ".", color=colour, markersize=1.5)
+        for name, (of_sensor, _) in zip(sensors, cycle(style.CURVES), strict=False):
+            single = len(sensors) == 1
+            for values in np.rad2deg(track.residual[names == name]).T:
+                label = None if single or axes is not panels[0] else name
+                axes.plot(
+                    t[names == name], values, ".", color=colour if single else of_sensor, markersize=1.5, label=label
+                )
         axes.set_title(track.name, loc="left")
         axes.set_ylabel("residual [deg]")
-    spread = [np.nanquantile(np.abs(np.rad2deg(track.residual)), 0.98) for track in tracks]
-    panels[0].set_ylim(-1.3 * max(spread), 1.3 * max(spread))
+    known = [np.abs(np.rad2deg(track.residual[np.isfinite(track.residual)])) for track in tracks]
+    spread = max((float(np.quantile(values, 0.98)) for values in known if values.size), default=1.0)
+    panels[0].set_ylim(-1.3 * max(spread, 1e-9), 1.3 * max(spread, 1e-9))
     style.time_axis(panels[-1], float(t[-1]))
+    if len(sensors) > 1:
+        style.legend_above(figure, panels[0], 4)
     return figure

@@ -50,7 +50,11 @@ MEANING = {
     "steps": ("", "sampling periods"),
     "wall_s": ("s", "duration of the computation"),
     "seed": ("", "seed of every random draw"),
+    "energy_j": ("J", "energy of the thrusters, and of what else the vehicle takes"),
+    "power_mean_w": ("W", "its mean over time"),
+    "thrust_reversals_per_min": ("1/min", "changes of sign of the thrust, all axes together"),
     "thrust_max": ("N, N m", "limits of the thrust"),
+    "thrust_min": ("N, N m", "its lower limits"),
 }
 """Unit and meaning of keys of the summary."""
 

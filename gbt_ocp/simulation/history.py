@@ -171,6 +171,14 @@ class History:
         meaning="Distance from the planned position at the end of the period that begins at t_k, NaN without a plan",
     )
 
+    power: Array = column(
+        "t",
+        lambda step: step.move.power,
+        "W",
+        optional=True,
+        meaning="Mean of Σ|τ_i ν_i| over the period that begins at t_k, ν through the water; NaN where τ is no force",
+    )
+
     current: Array = column(
         "t axis",
         lambda step: readings.unknown_axes(step) if step.water is None else step.water,

@@ -1,4 +1,4 @@
-"""The closed loop (algorithm 2): sense, track, plan, move, and record what is needed to repeat or explain it."""
+"""The closed loop: the online loop in a world, and a record of what is needed to repeat or explain it."""
 
 from __future__ import annotations
 
@@ -6,28 +6,30 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from time import perf_counter
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.guidance.pacing import PacedBearing
-from gbt_ocp.guidance.strategy import BearingGuidance, Guidance, Placement
+from gbt_ocp.guidance.strategy import Guidance, Placement
 from gbt_ocp.guidance.water import InWater
 from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.follower import BANDWIDTH
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
+from gbt_ocp.pilot.online_loop import OnlineLoop
 from gbt_ocp.simulation.history import History
 from gbt_ocp.simulation.mover import Mover
 from gbt_ocp.simulation.plant import Plant
 from gbt_ocp.simulation.recorder import Recorder
+from gbt_ocp.simulation.sensing import Sensing
 from gbt_ocp.simulation.step import Step
-from gbt_ocp.tracking.gaps import new_tracks
-from gbt_ocp.tracking.protocol import Forecast, GaussianProcess, PositionTracker, Tracker
+from gbt_ocp.tracking.polar import bearing_of
+from gbt_ocp.tracking.protocol import GaussianProcess, PositionTracker, Tracker
 from gbt_ocp.typing import Array
 
 
@@ -60,6 +62,12 @@ class ClosedLoop:
         The vehicle that moves, where it is not the model; not with ``exact``.
     follow_bandwidth
         Of the follower, rad/s.
+    autopilot
+        Time constant in seconds of an autopilot that is given setpoints in place of thrust; ``None`` for thrust.
+    lead
+        How far ahead on the plan its setpoints are taken, in seconds; by default a period.
+    sensors
+        Several sensors, which take the place of :attr:`sensor`; its period remains that of the loop.
     """
 
     target: Target
@@ -76,6 +84,9 @@ class ClosedLoop:
     rng: np.random.Generator
     plant: Plant | None = None
     follow_bandwidth: float = BANDWIDTH
+    autopilot: float | None = None
+    lead: float | None = None
+    sensors: Sensing | None = None
 
     # isinstance with a protocol takes as long as a step of a cheap tracker, so it is asked once
 
@@ -89,10 +100,9 @@ class ClosedLoop:
         """The tracker, if it has hyperparameters and a bound."""
         return self.tracker if isinstance(self.tracker, GaussianProcess) else None
 
-    @cached_property
-    def bearing_guidance(self) -> BearingGuidance | None:
-        """The guidance, if it steers by bearings."""
-        return self.guidance if isinstance(self.guidance, BearingGuidance) else None
+    def online(self) -> OnlineLoop:
+        """The part that any world may drive, at its beginning."""
+        return OnlineLoop(self.tracker, self.guidance, forecast=self.forecast, forecast_period=self.forecast_period)
 
 
 @dataclass(frozen=True)
@@ -167,49 +177,49 @@ def simulate(
         The class of the history; a subclass may declare further arrays.
     """
     period, vehicle = loop.sensor.period, loop.vehicle
-    mover = Mover(vehicle, period, loop.follow, loop.plant, loop.follow_bandwidth)
+    mover = Mover(vehicle, period, loop.follow, loop.plant, loop.follow_bandwidth, loop.autopilot, loop.lead)
     flat = np.asarray(start, dtype=float)
     state = vehicle.state(flat[0], flat[1])
     steps = step_count(duration, period)
     recorder = Recorder(history, steps)
+    online = loop.online()
+    ahead = loop.forecast_period * np.arange(loop.forecast + 1)
     current = loop.guidance.current if isinstance(loop.guidance, InWater) else None
     seen: deque[Array] = deque(maxlen=loop.window)
-    tightened = refused = held = clipped = 0
-    begun: list[float] = []
-    usable: Forecast | None = None
-    underway: deque[tuple[float, Array, Array, Array]] = deque()
+    tightened = refused = clipped = 0
+    underway: deque[tuple[Sighting, Array]] = deque()
     for k in range(steps):
         t = k * period
-        times = np.asarray(t + loop.forecast_period * np.arange(loop.forecast + 1), dtype=float)
-        truth = loop.target.position(times)
+        truth = loop.target.position(np.asarray(t + ahead, dtype=float))
         own = vehicle.pose(state)[: loop.target.dimension]
-        bearing = loop.sensor.measure(k, truth[0], own, loop.rng)
+        sensed: list[Sighting] = []
+        if loop.sensors is None:
+            bearing = loop.sensor.measure(k, truth[0], own, loop.rng)
+            position = _measured_position(loop, truth[0])
+        else:
+            # what is recorded is the last direction that was measured
+            measured_now = map(bearing_of, loop.sensors.measure(k, t, truth[0], vehicle.pose(state)))
+            bearing = next((one for one in reversed([*measured_now]) if one is not None), None)
+            sensed = loop.sensors.arrived(t)
         water = mover.water(state)
-        position = _measured_position(loop, truth[0])
-
-        began = perf_counter()
-        latest: Array | None = None
-        if bearing is not None:
-            underway.append((t, bearing, own, position))
-        while underway and underway[0][0] <= t - loop.sensor.latency + 1e-9:
-            measured, arrived, there, place = underway.popleft()
-            if _taken(loop, measured, arrived, there, place):
+        if bearing is not None and loop.sensors is None:
+            underway.append((_sighting(t, bearing, own, position), bearing))
+        for sighting in sensed:
+            if not online.take(sighting):
+                refused += 1
+                continue
+            direction = bearing_of(sighting)
+            if direction is not None:
+                seen.append(direction)
+        while underway and underway[0][0].time <= t - loop.sensor.latency + 1e-9:
+            sighting, arrived = underway.popleft()
+            if online.take(sighting, arrived):
                 seen.append(arrived)
-                latest = arrived
-                if new_tracks(loop.tracker) > len(begun):
-                    begun.append(measured)
             else:
                 refused += 1
-                bearing = None if measured == t else bearing
-        forecast = loop.tracker.predict(times)
-        tracker_time = perf_counter() - began
-
-        finite = _is_finite(forecast)
-        held += not finite
-        usable = forecast if finite else _held(usable, own, len(times))
-        if loop.bearing_guidance is not None:
-            loop.bearing_guidance.see(latest)
-        decision = loop.guidance.decide(t, flat, usable)
+                bearing = None if sighting.time == t else bearing
+        decided = online.decide(t, flat)
+        decision = decided.decision
         if isinstance(decision, Plan):
             move = mover.follow(state, decision)
         elif isinstance(decision, Placement):
@@ -219,15 +229,15 @@ def simulate(
         clipped += move.clipped
         step = Step(
             time=t,
-            times=times,
+            times=decided.times,
             target=truth,
             vehicle=vehicle,
             state=state,
             bearing=bearing,
             desired_bearing=getattr(loop.guidance, "desired", loop.desired)(t),
             window=seen,
-            forecast=forecast,
-            tracker_time=tracker_time,
+            forecast=decided.forecast,
+            tracker_time=decided.tracker_time,
             process=loop.gaussian_process,
             bound_delta=loop.bound_delta,
             decision=decision,
@@ -240,40 +250,22 @@ def simulate(
             tightened += step.plan.tightened
         if progress is not None:
             progress(k, float(np.mean(step.error)), np.nan if step.plan is None else step.plan.solve_time)
-        if current is not None and move.thrust_mean is not None:
-            current.observe(flat[:2], move.flat[:2], move.thrust_mean, period)
+        online.learn(flat[:2], move.flat[:2], move.thrust_mean, period)
         flat, state = move.flat, move.state
     retries = loop.gaussian_process.nugget_retries if loop.gaussian_process is not None else 0
-    return Recording(recorder.history(), tightened, retries, refused, held, clipped, tuple(begun))
+    return Recording(recorder.history(), tightened, retries, refused, online.held, clipped, tuple(online.begun))
 
 
-def _taken(loop: ClosedLoop, time: float, bearing: Array, own: Array, position: Array) -> bool:
-    """Give the tracker a measurement. Returns whether it took it."""
-    try:
-        if loop.position_tracker is not None:
-            loop.position_tracker.update_position(time, position)
-        else:
-            cast(Tracker, loop.tracker).update(time, bearing, own)
-    except ValueError:  # refused, by the protocol of trackers; the tracker is unchanged
-        return False
-    return True
+def _sighting(time: float, bearing: Array, own: Array, position: Array | None) -> Sighting:
+    """What the tracker is given of a step: the bearing, or the position if it takes positions."""
+    if position is None:
+        return Sighting.of_bearing(time, bearing, own)
+    return Sighting(time, "position", position, np.full(position.shape, np.nan), own, "sensor")
 
 
-def _is_finite(forecast: Forecast) -> bool:
-    """Whether a plan can be made for it. A covariance of NaN means that the tracker has none."""
-    return bool(np.all(np.isfinite(forecast.mean)) and not np.any(np.isinf(forecast.covariance)))
-
-
-def _held(last: Forecast | None, own: Array, count: int) -> Forecast:
-    """The last usable forecast a period further on; without any, the vehicle's own position."""
-    if last is None:
-        return Forecast(np.tile(own, (count, 1)), np.full((count, own.size, own.size), np.nan))
-    return Forecast(*(np.concatenate([moments[1:], moments[-1:]]) for moments in last))
-
-
-def _measured_position(loop: ClosedLoop, target: Array) -> Array:
+def _measured_position(loop: ClosedLoop, target: Array) -> Array | None:
     """What a tracker of positions is given ``(d,)``, drawn whether or not it is missed; others see no position."""
     tracker = loop.position_tracker
     if tracker is None:
-        return np.full(target.shape, np.nan)
+        return None
     return np.asarray(target + tracker.position_std * loop.rng.standard_normal(target.shape))

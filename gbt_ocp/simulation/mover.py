@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import count
 from typing import Literal
 
 import casadi as ca
 import numpy as np
 
+from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle, acceleration
-from gbt_ocp.ocp.follower import BANDWIDTH, Follower, samples
+from gbt_ocp.ocp.follower import BANDWIDTH, samples
 from gbt_ocp.ocp.plan import Plan
-from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory
-from gbt_ocp.simulation.plant import Motion, Plant
+from gbt_ocp.ocp.trajectory import FlatTrajectory
+from gbt_ocp.pilot.plan_follower import ON_PLAN, PlanFollower, point_of
+from gbt_ocp.pilot.setpoint import setpoint_of
+from gbt_ocp.simulation.autopilot import Autopilot
+from gbt_ocp.simulation.plant import Motion, Plant, gives_power
 from gbt_ocp.typing import Array
 
 GRID = 101
@@ -20,9 +27,6 @@ GRID = 101
 
 ROUND_OFF = 1.0e-9
 """Relative excess of a thrust over its limit that counts as round-off."""
-
-ON_PLAN = 1.0e-6
-"""Distance from a plan (m, rad, and per second) that counts as on it."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,8 @@ class Move:
         Distance in m from the planned position at its end; NaN without a plan.
     thrust_mean
         Mean over the period of the inputs asked for ``(m,)``; ``None`` where the vehicle is placed.
+    power
+        Mean over the period of ``Σ|τ_i ν_i|`` in W, ν through the water; NaN where inputs are not forces along ν.
     """
 
     flat: Array
@@ -55,6 +61,7 @@ class Move:
     clipped: bool = False
     off_plan: float = field(default=float("nan"))
     thrust_mean: Array | None = None
+    power: float = field(default=float("nan"))
 
 
 class Mover:
@@ -72,6 +79,10 @@ class Mover:
         What moves; by default the model itself.
     bandwidth
         Of the follower in rad/s, with ``feedback``.
+    autopilot
+        Time constant in seconds of an autopilot that is given setpoints in place of thrust; ``None`` for thrust.
+    lead
+        How far ahead on the plan its setpoints are taken, in seconds; by default a period.
 
     Raises
     ------
@@ -86,18 +97,26 @@ class Mover:
         follow: Literal["exact", "dynamics", "feedback"],
         plant: Plant | None = None,
         bandwidth: float = BANDWIDTH,
+        autopilot: float | None = None,
+        lead: float | None = None,
     ) -> None:
-        if follow == "exact" and plant is not None:
+        if follow == "exact" and plant is not None and autopilot is None:
             raise ValueError("vehicle.follow: found exact beside a plant; allowed: dynamics, feedback")
         self._vehicle = vehicle
+        self._range = ThrustRange.of(vehicle)
         self._period = period
         self._follow = follow
         self._motion = Motion(Plant(vehicle) if plant is None else plant)
-        self._follower = Follower(vehicle, bandwidth)
+        self._follower = PlanFollower(vehicle, bandwidth)
+        self._autopilot = None if autopilot is None else Autopilot(vehicle, autopilot)
+        self._lead = period if lead is None else lead
         n = vehicle.flat_dimension
         z, dz, ddz = (ca.SX.sym(name, n) for name in ("z", "dz", "ddz"))
         self._thrust_at = ca.Function("thrust", [z, dz, ddz], [vehicle.inputs(z, dz, ddz)])
         self._thrust = self._thrust_at.map(GRID)
+        if gives_power(vehicle):
+            velocity = ca.Function("velocity", [z, dz], [vehicle.body_velocity(z, dz)])  # type: ignore[attr-defined]
+            self._velocity = velocity.map(GRID)
         held = ca.SX.sym("thrust", len(vehicle.thrust_max))
         self._accelerated = ca.Function("accelerated", [z, dz, held], [acceleration(vehicle, z, dz, held)])
 
@@ -106,33 +125,41 @@ class Mover:
         piece = plan.trajectory.segment(plan.elapsed, self._period)
         water = np.zeros(self._vehicle.position_dimension) if plan.current is None else plan.current
         through = piece.moving(-water)
-        limit = self._vehicle.thrust_max
         thrust = np.asarray(self._thrust(*(values[0].T for values in through.sample(GRID)))).T
-        peak = np.max(np.abs(thrust), axis=0) / limit
+        peak = np.max(self._range.used(thrust), axis=0)
         clipped = bool(peak.max() > 1.0 + ROUND_OFF)
+        if self._autopilot is not None:
+            setpoint = setpoint_of(plan, self._vehicle, plan.elapsed + self._lead, self._lead)
+            return self._sampled(state, piece, clipped, partial(self._autopilot.thrust, setpoint))
         if self._follow == "feedback":
             return self._led_back(state, piece, water, clipped)
         if self._follow == "exact" and not clipped and self._is_on(state, piece):
             end = piece.knots[1]
             mean = np.asarray(thrust.mean(axis=0))
-            return Move(end, self._vehicle.state(end[0], end[1]), thrust[0], peak, off_plan=0.0, thrust_mean=mean)
+            reached = self._vehicle.state(end[0], end[1])
+            power = self._power(through, thrust)
+            return Move(end, reached, thrust[0], peak, off_plan=0.0, thrust_mean=mean, power=power)
 
         def applied(s: float) -> Array:
-            wanted = np.asarray(self._thrust_at(*_point(through, s))).ravel()
-            return np.asarray(np.clip(wanted, -limit, limit))
+            wanted = np.asarray(self._thrust_at(*point_of(through, s))).ravel()
+            return self._range.clip(wanted)
 
+        before = self._motion.work
         reached = self._motion.advance(state, applied, self._period)
-        held = np.clip(thrust[0], -limit, limit)
-        mean = np.asarray(np.clip(thrust, -limit, limit).mean(axis=0))
-        return self._moved(reached, piece, held, np.minimum(peak, 1.0), clipped, mean)
+        power = (self._motion.work - before) / self._period
+        held = self._range.clip(thrust[0])
+        mean = np.asarray(self._range.clip(thrust).mean(axis=0))
+        return self._moved(reached, piece, held, np.minimum(peak, 1.0), clipped, mean, power)
 
     def hold(self, state: Array, thrust: Array) -> Move:
         """Integrate the forward dynamics under constant inputs."""
+        before = self._motion.work
         end = self._motion.advance(state, lambda s: thrust, self._period)
+        power = (self._motion.work - before) / self._period
         z, dz = self._vehicle.flat(end)
         ddz = np.asarray(self._accelerated(z, dz, thrust)).ravel()
         flat = np.vstack([z, dz, np.where(np.isfinite(ddz), ddz, 0.0)])  # no number where the flatness map is singular
-        return Move(flat, end, thrust, np.abs(thrust) / self._vehicle.thrust_max, thrust_mean=thrust)
+        return Move(flat, end, thrust, self._range.used(thrust), thrust_mean=thrust, power=power)
 
     def place(self, state: Array, position: Array) -> Move:
         """Put the vehicle somewhere, at rest and with the same yaw; there is no thrust to speak of."""
@@ -150,31 +177,43 @@ class Mover:
         return bool(np.abs(np.vstack(self._vehicle.flat(state)) - piece.start[:2]).max() <= ON_PLAN)
 
     def _led_back(self, state: Array, piece: FlatTrajectory, water: Array, clipped: bool) -> Move:
-        """Follow a piece with feedback, whose thrust is held between its samples, in the frame of the water."""
-        through, d = piece.moving(-water), len(water)
-        count = samples(self._period)
-        step = self._period / count
+        """Follow a piece with feedback, in the frame of the water."""
+        through, hold = piece.moving(-water), self._period / samples(self._period)
+        number = count()
+
+        def thrust(z: Array, dz: Array) -> Array:
+            sample = next(number)
+            return self._follower.thrust(through, sample * hold, (sample + 0.5) * hold, water, z, dz)
+
+        return self._sampled(state, piece, clipped, thrust)
+
+    def _sampled(
+        self, state: Array, piece: FlatTrajectory, clipped: bool, thrust: Callable[[Array, Array], Array]
+    ) -> Move:
+        """Move under a thrust that follows from the measured flat output and its rate, and is held between samples."""
+        step = self._period / samples(self._period)
         asked: list[Array] = []
-        for number in range(count):
-            now, middle = _point(through, number * step), _point(through, (number + 0.5) * step)
-            z, dz = (values.copy() for values in self._vehicle.flat(state))
-            z[:d] -= number * step * water
-            dz[:d] -= water
-            asked.append(self._follower.thrust(now, middle, z, dz))
+        before = self._motion.work
+        for _ in range(samples(self._period)):
+            asked.append(thrust(*self._vehicle.flat(state)))
             state = self._motion.advance(state, lambda s, held=asked[-1]: held, step)  # type: ignore[misc]
-        peak = np.max(np.abs(asked), axis=0) / self._vehicle.thrust_max
-        return self._moved(state, piece, asked[0], peak, clipped, np.mean(asked, axis=0))
+        peak = np.max(self._range.used(asked), axis=0)
+        power = (self._motion.work - before) / self._period
+        return self._moved(state, piece, asked[0], peak, clipped, np.mean(asked, axis=0), power)
+
+    def _power(self, through: FlatTrajectory, thrust: Array) -> float:
+        """Mean power in W of a thrust ``(GRID, m)`` along a piece through the water."""
+        if not gives_power(self._vehicle):
+            return float("nan")
+        z, dz = through.sample(GRID)[:2]
+        velocity = np.asarray(self._velocity(z[0].T, dz[0].T)).T
+        return float(np.sum(np.abs(thrust * velocity), axis=1).mean())
 
     def _moved(
-        self, state: Array, piece: FlatTrajectory, thrust: Array, peak: Array, clipped: bool, mean: Array
+        self, state: Array, piece: FlatTrajectory, thrust: Array, peak: Array, clipped: bool, mean: Array, power: float
     ) -> Move:
         z, dz = self._vehicle.flat(state)
         planned = piece.knots[1]
         d = self._vehicle.position_dimension
         off = float(np.linalg.norm(z[:d] - planned[0, :d]))
-        return Move(np.vstack([z, dz, planned[2:]]), state, thrust, peak, clipped, off, mean)
-
-
-def _point(piece: FlatTrajectory, s: float) -> FlatPoint:
-    """z, ż, z̈ after ``s`` seconds of a trajectory of one piece."""
-    return FlatPoint(*(piece(s, order) for order in range(3)))
+        return Move(np.vstack([z, dz, planned[2:]]), state, thrust, peak, clipped, off, mean, power)

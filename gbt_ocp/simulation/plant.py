@@ -18,6 +18,9 @@ from gbt_ocp.typing import Array
 CORRELATION_S = 20.0
 """Time constant of the slowly varying force in s."""
 
+POWER_POINTS = 9
+"""Times under one command at which the power of the thrusters is summed."""
+
 SAME_COMMAND_TIME = 1e-9
 """Two times in s that differ by less are the same."""
 
@@ -91,6 +94,11 @@ class Plant:
             raise ValueError("rng: found None; allowed: a generator where force_std is positive")
 
 
+def gives_power(vehicle: Vehicle) -> bool:
+    """Whether the inputs of a vehicle are the forces along its velocities, so that their products are power in W."""
+    return hasattr(vehicle, "body_velocity")
+
+
 Command = Callable[[float], Array]
 """Inputs ``(m,)`` within their limits, by the seconds since they were given."""
 
@@ -102,11 +110,18 @@ class Motion:
     ----------
     plant
         What moves.
+
+    Attributes
+    ----------
+    work
+        ``∫ Σ|τ_i ν_i| dt`` in J that the thrusters did so far, ν through the water; NaN for a vehicle whose inputs are
+        not forces along its velocities.
     """
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
         self._time = 0.0
+        self.work = 0.0 if gives_power(plant.vehicle) else np.nan
         idle = np.zeros(plant.vehicle.thrust_max.size)
         self._acting = idle
         self._factor = np.broadcast_to(np.asarray(plant.thrust, dtype=float), idle.shape)
@@ -174,7 +189,15 @@ class Motion:
 
         from scipy.integrate import solve_ivp  # takes half a second to import, which other ways do not need
 
-        return np.asarray(solve_ivp(rates, (begin, end), x, rtol=1e-8, atol=1e-10).y[:, -1])
+        measured = not np.isnan(self.work)
+        found = solve_ivp(rates, (begin, end), x, rtol=1e-8, atol=1e-10, dense_output=measured)
+        if found.sol is not None:
+            times = np.linspace(begin, end, POWER_POINTS)
+            reached = list(zip(times, found.sol(times).T, strict=True))
+            acting = np.array([y[size:] if lag > 0.0 else factor * command(s + age) for s, y in reached])
+            power = np.sum(np.abs(acting * [vehicle.velocity(y[:size]) for _, y in reached]), axis=1)
+            self.work += float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(times)))
+        return np.asarray(found.y[:, -1])
 
     def _push(self, state: Array, time: float) -> Array:
         """The force that no model knows, in the body frame ``(d+1,)``."""

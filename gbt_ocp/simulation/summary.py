@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.simulation import run_folder
+from gbt_ocp.simulation.effort import effort_numbers
 from gbt_ocp.simulation.history import History
 from gbt_ocp.simulation.track_summary import track_numbers
 
@@ -31,6 +32,7 @@ def summarise(
     versions: Mapping[str, str],
     forecast_period: float | None = None,
     standoff: float | None = None,
+    hotel_w: float = 0.0,
 ) -> dict[str, Any]:
     """Numbers of a run for ``summary.json``: those of the paper's tables 2 and 3, and what explains them.
 
@@ -56,6 +58,8 @@ def summarise(
         Time between two predicted positions, s; by default T.
     standoff
         Least range to the target, m, if there is one.
+    hotel_w
+        Power in W that the vehicle takes besides its thrusters.
 
     Returns
     -------
@@ -64,7 +68,9 @@ def summarise(
     ``error_rms`` are over all steps, ``error_settled`` and ``error_settled_max`` over t_k >= settling, ``error_final``
     is the last step's. Distances are ‖P_A - P_T‖ at t_k. ``off_plan_median`` and ``off_plan_max`` are over the periods
     in which a plan was followed, at their ends, in m. ``current_error_final`` is the distance of the last estimate of
-    the current from the true one in m/s. ``steps`` counts the sampling periods, K - 1.
+    the current from the true one in m/s. ``energy_j`` is that of the thrusters and of ``hotel_w``, ``power_mean_w`` its
+    mean over time, and ``thrust_reversals_per_min`` counts how often the thrust of an axis changes its sign, thrusts
+    below a hundredth of its largest left out. ``steps`` counts the sampling periods, K - 1.
     Similarities are of desired and true bearing, over the second half of the run. ``range_observable_from_s`` is the
     time from which on the range is known to a quarter until the end. ``steps_over_period`` counts the steps in which
     tracker and solver together took longer than T. To these come the numbers of
@@ -114,6 +120,7 @@ def summarise(
         "off_plan_median": _of(np.median, followed),
         "off_plan_max": _of(np.max, followed),
         "current_error_final": _current_error(history),
+        **effort_numbers(history, period, hotel_w),
         "objective_mean": _of(np.mean, history.objective[planned]),
         "solver_success_rate": _of(np.mean, first_try[planned]),
         "solver_iterations_mean": _of(np.mean, history.solver_iterations[planned]),

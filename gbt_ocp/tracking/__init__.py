@@ -11,6 +11,7 @@ from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.gp.lmc import CoregionalizedTracker
 from gbt_ocp.tracking.held.bank import HeldTurnPrior
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
+from gbt_ocp.tracking.intake import SightingTracker, take_in, taken_kinds
 from gbt_ocp.tracking.mixture import MixtureTracker
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal, PositionPrior, RangedPrior
@@ -54,6 +55,9 @@ __all__ = [
     "PseudoLinearKalmanFilter",
     "RangedPrior",
     "ShapePrior",
+    "SightingTracker",
     "Tracker",
     "WeighedForecasts",
+    "take_in",
+    "taken_kinds",
 ]

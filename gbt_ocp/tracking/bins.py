@@ -30,7 +30,7 @@ class BinnedBearings:
     own_positions
         Mean own positions ``(N, d)`` in metres.
     counts
-        Bearings in each mean ``(N,)``.
+        Bearings in each mean ``(N,)``, each as often as it is worth.
     """
 
     times: Array
@@ -54,15 +54,17 @@ class _Bin:
     rows: list[Array] = field(default_factory=list)
     offsets: list[Array] = field(default_factory=list)
     suspects: list[bool] = field(default_factory=list)
+    weights: list[float] = field(default_factory=list)
     # of a bin that takes in no more samples they are asked for again and again
     _kept: NDArray[np.bool_] | None = None
-    _mean: tuple[Array, int] | None = None
+    _mean: tuple[Array, float] | None = None
     _scatter: tuple[float, int] | None = None
 
-    def add(self, row: Array, offset: Array, suspect: bool) -> None:
+    def add(self, row: Array, offset: Array, suspect: bool, weight: float) -> None:
         self.rows.append(row)
         self.offsets.append(offset)
         self.suspects.append(suspect)
+        self.weights.append(weight)
         self._kept = self._mean = self._scatter = None
 
     def kept(self, stray: float) -> NDArray[np.bool_]:
@@ -70,7 +72,7 @@ class _Bin:
         if self._kept is None:
             if len(self.rows) >= ENOUGH:
                 offsets = np.array(self.offsets)
-                away = np.linalg.norm(offsets - np.median(offsets, axis=0), axis=1)
+                away = np.linalg.norm(offsets - np.median(offsets, axis=0), axis=1) * np.sqrt(self.weights)
                 # no bearing lies halfway between two halves that disagree
                 self._kept = away <= max(stray, float(np.median(away)))
             else:
@@ -80,11 +82,13 @@ class _Bin:
                 self._kept = np.ones(len(self.rows), dtype=bool)
         return self._kept
 
-    def mean(self, stray: float) -> tuple[Array, int]:
-        """Mean row and its count."""
+    def mean(self, stray: float) -> tuple[Array, float]:
+        """Mean row and its count, each bearing by its weight."""
         if self._mean is None:
             kept = self.kept(stray)
-            self._mean = np.asarray(np.array(self.rows)[kept].mean(axis=0)), int(np.sum(kept))
+            weights = np.array(self.weights)[kept]
+            total = float(np.sum(weights))
+            self._mean = np.asarray((weights[:, None] * np.array(self.rows)[kept]).sum(axis=0) / total), total
         return self._mean
 
     def scatter(self, stray: float) -> tuple[float, int]:
@@ -96,12 +100,16 @@ class _Bin:
     def _scattered(self, kept: NDArray[np.bool_]) -> tuple[float, int]:
         if np.sum(kept) < 3:
             return 0.0, 0
+        weights = np.array(self.weights)[kept]
         t = np.array([row[0] for row in self.rows])[kept]
-        t = t - t.mean()
+        t = t - (weights * t).sum() / weights.sum()
         a = np.array(self.offsets)[kept]
-        a = a - a.mean(axis=0)
-        left = a - np.outer(t, (t @ a) / (t @ t))
-        return float(np.sum(left**2)), (len(t) - 2) * a.shape[1]
+        a = a - (weights[:, None] * a).sum(axis=0) / weights.sum()
+        spread = (weights * t) @ t
+        if not spread > 0.0:  # several sensors at one time
+            return float(np.sum(weights[:, None] * a**2)), (len(t) - 1) * a.shape[1]
+        left = a - np.outer(t, ((weights * t) @ a) / spread)
+        return float(np.sum(weights[:, None] * left**2)), (len(t) - 2) * a.shape[1]
 
 
 class BearingBins:
@@ -160,9 +168,11 @@ class BearingBins:
         """Bearings that are left out."""
         return sum(int(np.sum(~one.kept(self.stray))) for one in self._bins)
 
-    def checked(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> tuple[Array, Array]:
+    def checked(
+        self, time: float, bearing: ArrayLike, own_position: ArrayLike, *, same_time: bool = False
+    ) -> tuple[Array, Array]:
         """Bearing and own position ``(d,)`` of a sample that :meth:`append` takes; raises as it does."""
-        return checked_sample(time, bearing, own_position, self._latest)
+        return checked_sample(time, bearing, own_position, self._latest, same_time)
 
     def append(
         self,
@@ -172,6 +182,8 @@ class BearingBins:
         *,
         expected: Array | None = None,
         suspect: bool = False,
+        weight: float = 1.0,
+        same_time: bool = False,
     ) -> None:
         """Add a bearing ``(d,)`` taken from ``own_position`` ``(d,)`` at ``time`` in seconds.
 
@@ -184,13 +196,17 @@ class BearingBins:
             own motion within a bin makes none; by default the first bearing of the bin.
         suspect
             Whether a gate suspects the bearing.
+        weight
+            Number of ordinary bearings that it is worth: the ratio of their variance to its own.
+        same_time
+            Whether it may have the time of the one before, as another sensor's.
 
         Raises
         ------
         ValueError
             If a number is not finite, the bearing is no unit vector, or time does not increase.
         """
-        b, own = checked_sample(time, bearing, own_position, self._latest)
+        b, own = self.checked(time, bearing, own_position, same_time=same_time)
         t = float(time)
         index = int(np.floor(t / self.width))
         if not self._bins or self._bins[-1].index != index:
@@ -198,7 +214,7 @@ class BearingBins:
         one = self._bins[-1]
         if expected is None:
             expected = one.rows[0][1 : 1 + len(b)] if one.rows else b
-        one.add(np.concatenate([[t], b, own]), log_map(expected, b), suspect)
+        one.add(np.concatenate([[t], b, own]), log_map(expected, b), suspect, weight)
         self._latest = t
         self.forget_before(t - self.window)
 

@@ -29,11 +29,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import digamma, polygamma
 
+from gbt_ocp.models.measurements import MeasurementKind
 from gbt_ocp.tracking.bins import BinnedBearings
 from gbt_ocp.tracking.displacement.rows import bearing_rows, row_covariance
 from gbt_ocp.tracking.displacement.tracker import NoisyGaussianProcessTracker
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.polar import BEARINGS
 from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.tracking.protocol import (
     RANGE_OBSERVABLE,
@@ -132,6 +134,9 @@ class MixtureTracker(RestartingTracker):
     ValueError
         If the two have not the same dimension, or the time is not above 0.
     """
+
+    takes: tuple[MeasurementKind, ...] = BEARINGS
+    """Kinds of measurements that it takes."""
 
     def __init__(
         self,

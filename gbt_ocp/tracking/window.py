@@ -41,14 +41,15 @@ class Measurements:
 
 
 def checked_sample(
-    time: float, bearing: ArrayLike, own_position: ArrayLike, latest: float | None
+    time: float, bearing: ArrayLike, own_position: ArrayLike, latest: float | None, same_time: bool = False
 ) -> tuple[Array, Array]:
     """Bearing and own position ``(d,)`` as new arrays; ``latest`` is the time of the sample before, in seconds.
 
     Raises
     ------
     ValueError
-        If a number is not finite, the bearing is no unit vector, or time does not increase.
+        If a number is not finite, the bearing is no unit vector, or time does not increase; with ``same_time`` (another
+        sensor's sample), if it decreases.
     """
     b, own = np.array(bearing, dtype=float), np.array(own_position, dtype=float)
     if b.shape != own.shape or b.shape not in ((2,), (3,)):
@@ -57,7 +58,7 @@ def checked_sample(
         raise ValueError("time, bearing and own position must be finite")
     if abs(np.linalg.norm(b) - 1.0) > 1e-6:
         raise ValueError(f"a bearing must have length 1, found {np.linalg.norm(b):.6g}")
-    if latest is not None and time <= latest:
+    if latest is not None and (time < latest or (time == latest and not same_time)):
         raise ValueError(f"time must increase, found {time} after {latest}")
     return b, own
 
@@ -76,24 +77,45 @@ class Window:
             raise ValueError(f"the window needs a capacity of at least 2, found {capacity}")
         self.capacity = capacity
         self._samples: deque[tuple[float, Array, Array]] = deque(maxlen=capacity)
+        self._weights: deque[float] = deque(maxlen=capacity)
 
     def __len__(self) -> int:
         return len(self._samples)
 
-    def checked(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> tuple[Array, Array]:
+    def checked(
+        self, time: float, bearing: ArrayLike, own_position: ArrayLike, *, same_time: bool = False
+    ) -> tuple[Array, Array]:
         """Bearing and own position ``(d,)`` of a sample that :meth:`append` takes; raises as it does."""
-        return checked_sample(time, bearing, own_position, self._samples[-1][0] if self._samples else None)
+        return checked_sample(time, bearing, own_position, self._samples[-1][0] if self._samples else None, same_time)
 
-    def append(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
+    def append(
+        self,
+        time: float,
+        bearing: ArrayLike,
+        own_position: ArrayLike,
+        *,
+        weight: float = 1.0,
+        same_time: bool = False,
+    ) -> None:
         """Add a sample; the oldest one leaves when the window is full.
+
+        Parameters
+        ----------
+        time, bearing, own_position
+            The sample.
+        weight
+            Number of ordinary bearings that it is worth.
+        same_time
+            Whether it may have the time of the one before.
 
         Raises
         ------
         ValueError
             If a number is not finite, the bearing is no unit vector, or time does not increase.
         """
-        b, own = self.checked(time, bearing, own_position)
+        b, own = self.checked(time, bearing, own_position, same_time=same_time)
         self._samples.append((float(time), b, own))
+        self._weights.append(weight)
 
     def leave_out_latest(self) -> None:
         """Forget the latest sample; not of an empty window."""
@@ -118,6 +140,11 @@ class Window:
     def own_positions(self) -> Array:
         """P_A ``(N, d)``."""
         return np.array([sample[2] for sample in self._samples])
+
+    @property
+    def weights(self) -> Array:
+        """Number of ordinary bearings that each sample is worth ``(N,)``."""
+        return np.array(self._weights)
 
     def measurements(self) -> Measurements:
         """The pseudo-linear measurements ``λ̄ᵀ P_A = λ̄ᵀ P_T``, d-1 rows a sample; not of an empty window."""

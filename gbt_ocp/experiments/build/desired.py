@@ -54,7 +54,7 @@ def build_desired_bearing(configuration: Configuration, vehicle: Vehicle) -> Des
         turn = section.period_s
     else:
         assert section.m is not None, "checked when the configuration was read"
-        turn = configuration.sensor.period_s * section.m
+        turn = configuration.period_s * section.m
     return DesiredBearing(
         configuration.dimension,
         2.0 * math.pi / turn,
@@ -68,7 +68,7 @@ def unreachable_bearings(configuration: Configuration, vehicle: Vehicle) -> list
     section = configuration.desired_bearing
     if configuration.standoff is None or section.period_s == "auto" or configuration.guidance.kind != "planner":
         return []
-    turn = section.period_s or configuration.sensor.period_s * (section.m or 1)
+    turn = section.period_s or configuration.period_s * (section.m or 1)
     range_, speed = orbit_range(configuration), reachable_speed(configuration, vehicle)
     radius = horizontal_radius(configuration.dimension, range_)
     needed = 2.0 * math.pi * radius / turn + section.target_speed

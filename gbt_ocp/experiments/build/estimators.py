@@ -44,7 +44,7 @@ def gaussian_process(
     """Kind ``gp``: for exact bearings, or for noisy ones where ``noise`` says so."""
     noise = noise_of(section, sensor)
     if noise is not None:
-        return _noisy(noise, prior, sensor)
+        return _noisy(noise, prior, sensor, _size_prior(section.size))
     return GaussianProcessTracker(
         len(prior.start),
         window=section.window,
@@ -65,7 +65,14 @@ def noise_of(section: sections.GaussianProcessSection, sensor: BearingSensor) ->
     return section.noise
 
 
-def _noisy(section: NoisyBearingsSection, prior: PositionPrior, sensor: BearingSensor) -> NoisyGaussianProcessTracker:
+def _size_prior(size: tuple[float, ...] | None) -> LogNormal | None:
+    """What is known of the true size, from its median and the share by which it may differ."""
+    return None if size is None else LogNormal(*size)
+
+
+def _noisy(
+    section: NoisyBearingsSection, prior: PositionPrior, sensor: BearingSensor, size: LogNormal | None
+) -> NoisyGaussianProcessTracker:
     """The Gaussian process for noisy bearings."""
     return NoisyGaussianProcessTracker(
         len(prior.start),
@@ -83,6 +90,7 @@ def _noisy(section: NoisyBearingsSection, prior: PositionPrior, sensor: BearingS
         tails=section.tails,
         linearisations=section.linearisations,
         prior=prior,
+        size=size,
     )
 
 
@@ -149,6 +157,7 @@ def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: Bearing
         memory=math.inf if section.memory is None else section.memory,
         gate=math.inf if section.gate is None else section.gate,
         position=prior,
+        size=_size_prior(section.size) if isinstance(section, sections.MotionSection) else None,
     )
 
 
@@ -294,6 +303,7 @@ def extended(
         _first_guess(section, prior),
         process_noise=section.process_noise,
         bearing_std=math.radians(section.bearing_std_deg),
+        size=_size_prior(section.size),
     )
 
 
@@ -302,7 +312,10 @@ def imm_extended(
 ) -> ImmExtendedTracker:
     """Kind ``imm_ekf``."""
     return ImmExtendedTracker(
-        _first_guess(section, prior), _models(section), bearing_std=math.radians(section.bearing_std_deg)
+        _first_guess(section, prior),
+        _models(section),
+        bearing_std=math.radians(section.bearing_std_deg),
+        size=_size_prior(section.size),
     )
 
 

@@ -12,6 +12,7 @@ from gbt_ocp.experiments.build.desired import build_desired_bearing
 from gbt_ocp.experiments.build.limits import with_limits
 from gbt_ocp.experiments.build.objective import build_hypotheses, build_joint, build_objective, build_past
 from gbt_ocp.experiments.build.plant import build_plant
+from gbt_ocp.experiments.build.sensors import build_sensor, build_sensors
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.guidance import (
     CircumnavigationGuidanceSection,
@@ -38,18 +39,21 @@ from gbt_ocp.guidance.strategy import Guidance
 from gbt_ocp.guidance.water import InWater
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.contracts import ContractError, made, named
-from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenParameters, FossenVehicle
+from gbt_ocp.models.fossen import FossenParameters, FossenVehicle
+from gbt_ocp.models.known_vehicles import KNOWN_VEHICLES
 from gbt_ocp.models.model_checks import check_target, check_vehicle
-from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target, TrackTarget, case_target
 from gbt_ocp.models.turning import TurningTarget
 from gbt_ocp.models.vehicles import Vehicle
-from gbt_ocp.ocp import Planner, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp import Planner, ThrustEffort, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.follower import BANDWIDTH
 from gbt_ocp.ocp.problem_data import joined_derivatives
 from gbt_ocp.simulation.loop import ClosedLoop
 from gbt_ocp.tracking.protocol import PositionTracker, Tracker
 from gbt_ocp.typing import Array
+
+EFFORT_NODES = 2
+"""Intervals a piece over which the effort is summed: it is a parabola in the thrust, which varies little in one."""
 
 
 @dataclass(frozen=True)
@@ -132,33 +136,20 @@ def build_vehicle(configuration: Configuration) -> Vehicle:
             given.mass, given.inertia, given.added_mass, given.linear_drag, given.quadratic_drag
         )
     else:
-        parameters = FALCON_2D if configuration.dimension == 2 else FALCON_3D
-    return FossenVehicle(parameters, section.thrust_max)
+        parameters = KNOWN_VEHICLES[given].parameters(configuration.dimension)
+    return FossenVehicle(parameters, section.thrust_max, section.thrust_min)
 
 
 def paced(configuration: Configuration, desired: DesiredBearing, vehicle: Vehicle) -> DesiredBearing | PacedBearing:
     """λ*(t) as the planner follows it: slowed down for a far target if that is asked for, or bearings are noisy."""
     speed = configuration.desired_bearing.speed_mps
     if speed == "sensor":
-        speed = steady_speed(vehicle) if configuration.sensor.noise_deg > 0.0 else None
+        speed = steady_speed(vehicle) if configuration.bearing_noise_deg > 0.0 else None
     # a turn that each plan begins at the line of sight needs no slowing down
     measured = configuration.desired_bearing.phase == "measured"
     if speed is None or measured or configuration.guidance.kind != "planner":
         return desired
     return PacedBearing(desired, speed)
-
-
-def build_sensor(configuration: Configuration) -> BearingSensor:
-    """The bearing sensor."""
-    section = configuration.sensor
-    return BearingSensor(
-        section.period_s,
-        math.radians(section.noise_deg),
-        section.missed_probability,
-        math.radians(section.outlier_deg),
-        section.outlier_every_s,
-        section.latency_s,
-    )
 
 
 def build_current(configuration: Configuration, vehicle: Vehicle) -> Current | None:
@@ -172,7 +163,7 @@ def build_current(configuration: Configuration, vehicle: Vehicle) -> Current | N
 def build_problem(configuration: Configuration, vehicle: Vehicle, current: Current | None = None) -> TrajectoryProblem:
     """The trajectory problem in the formulation that is asked for; with a current, in the frame of the water."""
     section, dimension = configuration.planner, configuration.dimension
-    period = section.period_s or configuration.sensor.period_s
+    period = section.period_s or configuration.period_s
     problem = TrajectoryProblem(vehicle, section.pieces, period, section.degree, section.continuity)
     problem = problem.maximize(build_objective(configuration))
     if section.range_pull > 0.0:
@@ -182,6 +173,9 @@ def build_problem(configuration: Configuration, vehicle: Vehicle, current: Curre
         problem = problem.subject_to(limit, nodes=section.nodes)
     else:
         problem = problem.subject_to_penalty(limit, weight=section.weight, width=section.width, nodes=section.nodes)
+    if section.effort > 0.0:
+        effort, width = ThrustEffort(vehicle), ThrustEffort.WIDTH
+        problem = problem.subject_to_penalty(effort, weight=4.0 * section.effort, width=width, nodes=EFFORT_NODES)
     problem = with_limits(problem, configuration.limits, current)
     more = configuration.problem_object.constrain
     if more is None:
@@ -213,7 +207,7 @@ def build_guidance(
         return ConstantForce(vehicle, section.force)
     if isinstance(section, RandomGuidanceSection):
         return RandomThrust(vehicle, section.hold_s, rng)
-    period = configuration.sensor.period_s
+    period = configuration.period_s
     if isinstance(section, CircumnavigationGuidanceSection):
         return Circumnavigation(
             vehicle, period, speed=section.speed, radial_gain=section.radial_gain, standoff=section.standoff_m
@@ -256,7 +250,7 @@ def _crossing_first(configuration: Configuration, planned: PlannedMotion, vehicl
     return CrossFirst(
         planned,
         vehicle,
-        configuration.sensor.period_s,
+        configuration.period_s,
         axis=configuration.desired_bearing.axis or (0.0, 0.0, 1.0),
         deviation=section.startup_deviation,
         speed=section.startup_speed,
@@ -309,6 +303,9 @@ def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
         bound_delta=getattr(configuration.tracker, "bound_delta", math.nan),
         rng=streams.sensor,
         plant=build_plant(configuration, vehicle, streams.plant),
+        sensors=build_sensors(configuration, streams.sensor),
         follow_bandwidth=configuration.vehicle.follow_bandwidth or BANDWIDTH,
+        autopilot=configuration.plant.autopilot_s if configuration.command == "setpoint" else None,
+        lead=configuration.setpoint_lead,
     )
     return loop, start

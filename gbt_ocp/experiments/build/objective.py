@@ -43,7 +43,7 @@ def build_past(configuration: Configuration, objective: Objective | JointObjecti
     """Where the window's bearings are kept, for an objective that counts them."""
     if not isinstance(objective, FisherInformation):
         return None
-    period = configuration.sensor.period_s
+    period = configuration.period_s
     span = getattr(configuration.tracker, "window_s", None) or (configuration.tracker.window - 1) * period
     share = period / (configuration.planner.period_s or period)
     return PastBearings(configuration.dimension, span, share, objective.weight)

@@ -31,7 +31,7 @@ def build_plant(configuration: Configuration, vehicle: Vehicle, rng: np.random.G
             parameters = scaled(vehicle.parameters, mass=section.mass, added_mass=section.added_mass, drag=section.drag)
         except ValueError as fault:
             raise ValueError(f"plant: {fault}") from fault
-        moving = FossenVehicle(parameters, vehicle.thrust_max)
+        moving = FossenVehicle(parameters, vehicle.thrust_max, vehicle.thrust_min)
     force = None
     if any(section.force or ()):
         force = np.zeros(configuration.dimension + 1)

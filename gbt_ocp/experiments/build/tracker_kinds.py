@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from gbt_ocp.tracking.priors import PositionPrior
     from gbt_ocp.tracking.protocol import PositionTracker, Tracker
 
+BEARINGS_ALONE = ("azimuth", "azimuth_elevation")
+ALL = ("azimuth", "azimuth_elevation", "elevation", "range", "size", "position")
+"""Kinds of measurements; angular sizes are taken where the key ``size`` says what is known of the true one."""
+
 Builder: TypeAlias = "Callable[[Any, PositionPrior, BearingSensor], Tracker | PositionTracker]"
 """From a section, the prior position and the sensor to an estimator."""
 
@@ -38,6 +42,8 @@ class TrackerKind:
     family
         A class that ``section`` is or descends from. Where the kind changes to another of the same family in a stronger
         layer of a configuration, the keys of this class keep their values; otherwise those of ``TrackerSection`` do.
+    takes
+        Kinds of measurements that the tracker takes.
 
     Raises
     ------
@@ -49,6 +55,7 @@ class TrackerKind:
     build: Builder
     says: str
     family: type[TrackerSection] = TrackerSection
+    takes: tuple[str, ...] = BEARINGS_ALONE
 
     def __post_init__(self) -> None:
         if len(get_args(self.section.model_fields["kind"].annotation)) != 1:
@@ -89,6 +96,7 @@ TRACKERS = {
             _builder("gaussian_process"),
             "Gaussian process on a window of pseudo-linear bearings (paper, section 3)",
             sections.ProcessSection,
+            ALL,
         ),
         TrackerKind(
             sections.CoregionalizedSection,
@@ -101,6 +109,7 @@ TRACKERS = {
             _builder("motion"),
             "Gaussian process on turn rate and log speed, for noisy bearings and unknown range",
             sections.ShapeSection,
+            ALL,
         ),
         TrackerKind(
             sections.MixtureSection,
@@ -129,16 +138,23 @@ TRACKERS = {
             _builder("imm_pseudo_linear"),
             "interacting multiple models with pseudo-linear updates",
         ),
-        TrackerKind(sections.ExtendedKalmanSection, _builder("extended"), "extended Kalman filter, constant velocity"),
+        TrackerKind(
+            sections.ExtendedKalmanSection,
+            _builder("extended"),
+            "extended Kalman filter, constant velocity",
+            takes=ALL,
+        ),
         TrackerKind(
             sections.InteractingExtendedSection,
             _builder("imm_extended"),
             "interacting multiple models with extended updates",
+            takes=ALL,
         ),
         TrackerKind(
             sections.InteractingPositionSection,
             _builder("imm_position"),
             "interacting multiple models that see the target's full position",
+            takes=("position",),
         ),
         TrackerKind(sections.PolynomialSection, _builder("polynomial"), "polynomial regression on the window"),
     )

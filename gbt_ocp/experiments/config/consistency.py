@@ -17,7 +17,7 @@ from gbt_ocp.experiments.config.keys import Section
 from gbt_ocp.experiments.config.noise import NoisyBearingsSection
 from gbt_ocp.experiments.config.planner import PlannerSection
 from gbt_ocp.experiments.config.schema import Configuration, kinds
-from gbt_ocp.experiments.config.sensor import SensorSection
+from gbt_ocp.experiments.config.sensor_faults import bearing_noise, sampling_period, sensor_faults, taken_by
 from gbt_ocp.experiments.config.tracker import GaussianProcessSection, ShapeSection, TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.vehicle_faults import vehicle_faults
@@ -43,6 +43,7 @@ def inconsistencies(merged: Mapping[str, Any], problem: TrackingProblem | None) 
     if isinstance(value_at(merged, ("tracker", "prior")), Mapping):
         yield from _one_of(merged, ("tracker", "prior"), "std", "covariance")
     yield from vehicle_faults(merged, problem)
+    yield from sensor_faults(merged, None if problem is None else problem.dimension, taken_by(merged))
     if problem is not None:
         yield from _dimension(merged, problem)
         yield from _factories(merged, problem)
@@ -51,7 +52,10 @@ def inconsistencies(merged: Mapping[str, Any], problem: TrackingProblem | None) 
 
 def _number(merged: Mapping[str, Any], path: tuple[str, ...], default: Any) -> float | None:
     value = value_at(merged, path)
-    value = default if value is NOTHING else value
+    return _as_number(default if value is NOTHING else value)
+
+
+def _as_number(value: Any) -> float | None:
     number = isinstance(value, int | float) and not isinstance(value, bool) and is_moderate(value)
     return value if number else None  # extremes() reports the others
 
@@ -65,7 +69,7 @@ def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
         allowed = f"null, or a whole number from 1 to planner.degree - 1 = {degree - 1}"
         yield Fault(("planner", "continuity"), shown(continuity), allowed)
     duration = _number(merged, ("duration_s",), Configuration.model_fields["duration_s"].default)
-    period = _number(merged, ("sensor", "period_s"), SensorSection.model_fields["period_s"].default)
+    period = _as_number(sampling_period(merged))
     steps = 1.0
     piece = _number(merged, ("planner", "period_s"), None)
     ahead = _number(merged, ("tracker", "forecast_period_s"), None)
@@ -118,7 +122,7 @@ def _noise(merged: Mapping[str, Any]) -> Iterator[Fault]:
         return
     if not isinstance(value_at(merged, path), Mapping):
         return
-    if value_at(merged, (*path, "std_deg")) in (NOTHING, None) and not _number(merged, ("sensor", "noise_deg"), 0.0):
+    if value_at(merged, (*path, "std_deg")) in (NOTHING, None) and not _as_number(bearing_noise(merged)):
         yield Fault((*path, "std_deg"), "null", "a number > 0 where sensor.noise_deg is 0")
     yield from _bins(merged, path, NoisyBearingsSection, 2)
 
@@ -136,7 +140,7 @@ def without_effect(merged: Mapping[str, Any], beneath: Mapping[str, Any]) -> Ite
     kind, noise = TRACKERS.get(str(value_at(merged, ("tracker", "kind")))), value_at(merged, ("tracker", "noise"))
     if kind is None or not issubclass(kind.section, GaussianProcessSection):
         return
-    by_sensor = noise in (NOTHING, "sensor") and _number(merged, ("sensor", "noise_deg"), 0.0)
+    by_sensor = noise in (NOTHING, "sensor") and _as_number(bearing_noise(merged))
     if not (isinstance(noise, Mapping) or by_sensor):
         return
     for name in ("kernel", "centre", "amplitude", "length_scale", "nugget", "bound_delta"):
@@ -228,7 +232,7 @@ def _track(merged: Mapping[str, Any], dimension: int) -> Iterator[Fault]:
         _number(merged, ("target", "time_scale"), 1.0),
         _number(merged, ("target", "start_time_s"), 0.0),
         _number(merged, ("duration_s",), Configuration.model_fields["duration_s"].default),
-        _number(merged, ("sensor", "period_s"), SensorSection.model_fields["period_s"].default),
+        _as_number(sampling_period(merged)),
         _number(merged, ("tracker", "forecast"), TrackerSection.model_fields["forecast"].default),
     )
     period = _number(merged, ("tracker", "forecast_period_s"), None) or values[3]  # null may be written out

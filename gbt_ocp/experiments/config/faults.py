@@ -56,6 +56,11 @@ def value_at(mapping: Any, path: Sequence[str]) -> Any:
     return mapping
 
 
+def are_places(value: Mapping[str, Any], count: int) -> bool:
+    """Whether all keys of a mapping are places in a list of so many entries, as in ``sensor.1.noise_deg``."""
+    return bool(value) and all(key.isdigit() and int(key) < count for key in value)
+
+
 def shown(value: Any) -> str:
     """A value as it stands in a file, shortened."""
     if value is NOTHING:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, get_args, get_origin
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
@@ -62,10 +62,12 @@ Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 PositiveNumbers = Annotated[tuple[Positive, ...], Field(min_length=1), BeforeValidator(as_tuples)]
 NotNegativeNumbers = Annotated[tuple[NotNegative, ...], BeforeValidator(as_tuples)]
+NegativeNumbers = Annotated[tuple[Annotated[float, Field(lt=0.0)], ...], BeforeValidator(as_tuples)]
 Numbers = Annotated[tuple[float, ...], BeforeValidator(as_tuples)]
 PositionNumbers = Annotated[Numbers, sized("d"), InWords("{d} numbers")]
 InputNumbers = Annotated[Numbers, sized("n"), InWords("{n} numbers")]
 PositiveInputNumbers = Annotated[PositiveNumbers, sized("n"), InWords("{n} numbers > 0")]
+NegativeInputNumbers = Annotated[NegativeNumbers, sized("n"), InWords("{n} numbers < 0")]
 NotNegativeInputNumbers = Annotated[NotNegativeNumbers, sized("n"), InWords("{n} numbers >= 0")]
 Covariance = Annotated[
     tuple[tuple[float, ...], ...],
@@ -95,6 +97,13 @@ def sections_in(annotation: Any) -> list[type[Section]]:
     if isinstance(annotation, type) and issubclass(annotation, Section):
         return [annotation]
     return [section for part in get_args(annotation) for section in sections_in(part)]
+
+
+def listed_in(annotation: Any) -> list[type[Section]]:
+    """Sections of which a type is a list."""
+    if get_origin(annotation) in (tuple, list):
+        return sections_in(annotation)
+    return [section for part in get_args(annotation) for section in listed_in(part)]
 
 
 def kinds_in(annotation: Any) -> list[str]:

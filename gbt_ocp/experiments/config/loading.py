@@ -16,49 +16,17 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from gbt_ocp.experiments.build.tracker_kinds import TRACKERS, kept_keys
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config import yaml_dialect as dialect
 from gbt_ocp.experiments.config.consistency import extremes, inconsistencies, without_effect
+from gbt_ocp.experiments.config.defaults import DIMENSION_DEFAULTS, PRESETS
 from gbt_ocp.experiments.config.faults import NOTHING, ConfigurationError, Fault, shown, value_at
+from gbt_ocp.experiments.config.overlay import overlaid
 from gbt_ocp.experiments.config.schema import Configuration, is_text
 from gbt_ocp.experiments.config.tracker import TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.validation import faults_of
-
-PRESETS: dict[str, dict[str, Any]] = {
-    "default": {},
-    "paper": {
-        "tracker": {"centre": "origin", "amplitude": 1.0, "nugget": 1.0e-8, "noise": None, "prior": None},
-        "planner": {"range_pull": 0.02},
-        "desired_bearing": {"speed_mps": None},
-    },
-}
-"""What a preset fills in (docs/paper.md, E7 and E8); `default` is the defaults of the models."""
-
-_DIMENSION_DEFAULTS: dict[int, dict[str, Any]] = {
-    2: {
-        "tracker": {"kind": "gp", "window": 20},
-        "desired_bearing": {"m": 10},
-        "vehicle": {"kind": "fossen", "thrust_max": [5000.0, 5000.0, 1500.0]},
-    },
-    3: {
-        "tracker": {"kind": "gp", "window": 12},
-        "desired_bearing": {"m": 4, "axis": [0.0, 0.0, 1.0]},
-        "vehicle": {"kind": "fossen", "thrust_max": [5000.0, 5000.0, 5000.0, 1500.0]},
-    },
-}
-
-# Of two keys that say the same thing, the one in the stronger layer replaces the other.
-_ALTERNATIVES: dict[tuple[str, ...], tuple[str, str]] = {
-    ("desired_bearing",): ("m", "period_s"),
-    ("tracker", "prior"): ("std", "covariance"),
-}
-
-# Another kind brings other keys; these belong to every kind of their section and stay.
-_SHARED: dict[tuple[str, ...], tuple[str, ...]] = {
-    ("vehicle",): ("start", "follow", "follow_bandwidth"),
-}
+from gbt_ocp.models.known_vehicles import KNOWN_VEHICLES
 
 
 @dataclass(frozen=True)
@@ -68,7 +36,11 @@ class _Layer:
 
 
 def load_config(
-    source: str | Path | Mapping[str, Any], overrides: Sequence[str] = (), seed: int | None = None
+    source: str | Path | Mapping[str, Any],
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    *,
+    of_log: bool = False,
 ) -> Configuration:
     """Load and check a configuration.
 
@@ -81,6 +53,8 @@ def load_config(
         Lines ``key.path=value`` with the value in YAML, stronger than what is written; later ones are stronger.
     seed
         Replaces the seed.
+    of_log
+        Leave the section ``tracker`` to :func:`load_tracker`, when the dimension of the log is known.
 
     Returns
     -------
@@ -92,7 +66,7 @@ def load_config(
     ConfigurationError
         If anything is wrong, with one line a fault: file, key path, what was found, what is allowed.
     """
-    return _checked(source, overrides, seed, None)
+    return _checked(source, overrides, seed, 0 if of_log else None)
 
 
 def load_tracker(source: str | Path | Mapping[str, Any], overrides: Sequence[str], dimension: int) -> TrackerSection:
@@ -116,7 +90,7 @@ def load_tracker(source: str | Path | Mapping[str, Any], overrides: Sequence[str
 def _checked(
     source: str | Path | Mapping[str, Any], overrides: Sequence[str], seed: int | None, logged: int | None
 ) -> Configuration:
-    """The configuration; with the dimension of a log, all sections but the tracker's are the defaults."""
+    """The configuration; with the dimension of a log, the tracker's section alone; with 0, all but that."""
     label, folder, name, text = _read(source)
     faults: list[str] = []
     layers = [_Layer(label, _written(text, label, faults))]
@@ -134,9 +108,11 @@ def _checked(
     _complete(merged, folder, problem)
 
     sizes, sections = _known_sizes(merged, problem), merged
-    if logged is not None:
+    if logged:
         problem, sizes = None, {"d": logged}
         sections = {name: merged[name] for name in ("problem", "target", "tracker")}
+    elif logged == 0:
+        sections = {name: value for name, value in merged.items() if name != "tracker"}
     found: list[Fault] = []
     configuration: Configuration | None = None
     try:
@@ -247,7 +223,8 @@ def _beneath(
 ) -> list[_Layer]:
     """Layers weaker than what is written."""
     # Without a problem the rest is still checked, as far as that needs no dimension.
-    layers = [_Layer("defaults", _DIMENSION_DEFAULTS[logged or (problem.dimension if problem else 2)])]
+    dimension = logged or (problem.dimension if problem else 2)
+    layers = [_Layer("defaults", DIMENSION_DEFAULTS[dimension]), _limits_of_vehicle(problem, written, dimension)]
     if problem is None:
         layers.append(_Layer("defaults", {"target": {"kind": "case2"}}))
     else:
@@ -262,15 +239,25 @@ def _beneath(
         if any(isinstance(value, int | float) for value in standoff):
             layers.append(_Layer("defaults", {"desired_bearing": {"period_s": "auto"}}))
         for layer in (_Layer(label, own), _Layer(label, _plain_mapping(problem.defaults))):
-            _resolve_track(layer.values, path.parent)
+            _resolve_paths(layer.values, path.parent)
             layers.append(layer)
     if isinstance(preset, str) and preset in PRESETS:
         layers.append(_Layer(f"preset {preset}", PRESETS[preset]))
     return layers
 
 
+def _limits_of_vehicle(problem: TrackingProblem | None, written: Mapping[str, Any], dimension: int) -> _Layer:
+    """The limits of the thrust of the vehicle that is named; the Falcon's for coefficients without a name."""
+    given = [value_at(values, ("vehicle", "parameters")) for values in (problem.defaults if problem else {}, written)]
+    named = [name for name in given if isinstance(name, str) and name in KNOWN_VEHICLES]
+    name = named[-1] if named and named[-1] == [value for value in given if value is not NOTHING][-1] else "falcon"
+    lower, upper = KNOWN_VEHICLES[name].limits(dimension)
+    limits = {"thrust_max": upper} | ({} if lower is None else {"thrust_min": lower})
+    return _Layer(f"vehicle {name}", {"vehicle": limits})
+
+
 def _complete(merged: dict[str, Any], folder: Path, problem: TrackingProblem | None) -> None:
-    _resolve_track(merged, folder)
+    _resolve_paths(merged, folder)
     guidance = merged.get("guidance")
     if problem is None or not isinstance(guidance, dict) or guidance.get("kind") != "constant_force":
         return
@@ -278,10 +265,13 @@ def _complete(merged: dict[str, Any], folder: Path, problem: TrackingProblem | N
         guidance.setdefault("force", [500.0] * problem.dimension + [0.0])
 
 
-def _resolve_track(values: dict[str, Any], folder: Path) -> None:
+def _resolve_paths(values: dict[str, Any], folder: Path) -> None:
     path = value_at(values, ("target", "path"))
     if isinstance(path, str) and path:
         values["target"]["path"] = _absolute(path, folder)
+    mapping = value_at(values, ("replay", "mapping"))
+    if isinstance(mapping, str) and mapping.endswith((".yaml", ".yml")):  # else a name, or a path that is refused
+        values["replay"]["mapping"] = _absolute(mapping, folder)
 
 
 def _absolute(path: str, folder: Path) -> str:
@@ -301,26 +291,7 @@ def _known_sizes(merged: Mapping[str, Any], problem: TrackingProblem | None) -> 
 def _merge(layers: Sequence[_Layer]) -> dict[str, Any]:
     merged: dict[str, Any] = {}
     for layer in layers:
-        merged = _overlay(merged, layer.values, ())
-    return merged
-
-
-def _overlay(base: Mapping[str, Any], above: Mapping[str, Any], path: tuple[str, ...]) -> dict[str, Any]:
-    merged = dict(base)
-    if "kind" in above and above["kind"] != base.get("kind", above["kind"]):
-        kept = {*_SHARED.get(path, ())}
-        if path == ("tracker",):
-            kept = kept_keys(*(TRACKERS.get(str(kind)) for kind in (base["kind"], above["kind"])))
-        merged = {key: value for key, value in base.items() if key in kept}
-    alternatives = _ALTERNATIVES.get(path, ())
-    if any(above.get(key) is not None for key in alternatives):
-        merged = {key: value for key, value in merged.items() if key not in alternatives}
-    for key, value in above.items():
-        beneath = merged.get(key)
-        if isinstance(value, Mapping):
-            merged[key] = _overlay(beneath if isinstance(beneath, Mapping) else {}, value, (*path, key))
-        else:
-            merged[key] = value
+        merged = overlaid(merged, layer.values, ())
     return merged
 
 

@@ -50,6 +50,9 @@ class PlantSection(Section):
         0.0, "Time constant in s of the thrusters, first order.", f"0, or a number >= {_SMALLEST_LAG:g}", ge=0.0
     )
     dead_time_s: float = key(0.0, "Time in s after which the thrusters begin to react.", ge=0.0)
+    autopilot_s: float = key(
+        1.0, "Time constant in s of the vehicle's own autopilot, with command: setpoint.", ge=0.05, le=100.0
+    )
     force: Annotated[Numbers, AfterValidator(_force)] | None = key(
         None,
         "Constant force in N, earth frame; a further number is a moment about the vertical in N m.",

@@ -24,10 +24,11 @@ from gbt_ocp.experiments.config.desired_bearing import DesiredBearingSection
 from gbt_ocp.experiments.config.guidance import AnyGuidance, PlannerGuidanceSection
 from gbt_ocp.experiments.config.keys import Section, key, kinds_in, sections_in
 from gbt_ocp.experiments.config.limits import LimitsSection, RangeLimitSection
+from gbt_ocp.experiments.config.pilot import PilotSection
 from gbt_ocp.experiments.config.planner import PlannerSection
 from gbt_ocp.experiments.config.plant import PlantSection
 from gbt_ocp.experiments.config.replay import ReplaySection
-from gbt_ocp.experiments.config.sensor import SensorSection
+from gbt_ocp.experiments.config.sensor import SENSOR_ALLOWED, AnySensor, SensorSection
 from gbt_ocp.experiments.config.target import AnyTarget
 from gbt_ocp.experiments.config.tracker import GaussianProcessSection, TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
@@ -56,7 +57,11 @@ class Configuration(Section):
     seed: int = key(0, "Seed of every random draw.", ge=0)
     duration_s: float = key(30.0, "Length of the run in s.", "a number of at least two sampling periods", gt=0.0)
     target: AnyTarget = Field(description="The target's motion (default: the problem's).")
-    sensor: SensorSection = Field(default_factory=SensorSection, description="The bearing sensor.")
+    sensor: AnySensor = Field(
+        default_factory=SensorSection,
+        description="The bearing sensor, or a list of sensors.",
+        json_schema_extra={"allowed": SENSOR_ALLOWED},
+    )
     tracker: AnyTracker = Field(
         default_factory=lambda: GaussianProcessSection(kind="gp"),
         discriminator="kind",
@@ -75,8 +80,16 @@ class Configuration(Section):
         default_factory=DesiredBearingSection, description="How desired bearings turn."
     )
     vehicle: AnyVehicle = Field(default_factory=lambda: FossenVehicleSection(kind="fossen"), description="The vehicle.")
+    command: Literal["thrust", "setpoint"] = key(
+        "thrust",
+        "What the vehicle is given: thrust, or setpoints for an autopilot of its own (velocity, heading, depth), of "
+        "which plant.autopilot_s is the model.",
+    )
     plant: PlantSection = Field(
         default_factory=PlantSection, description="How the vehicle that moves differs from its model."
+    )
+    pilot: PilotSection = Field(
+        default_factory=PilotSection, description="What a pilot does with inputs that come late, or not at all."
     )
     replay: ReplaySection = Field(default_factory=ReplaySection, description="How gbt-ocp replay reads a log.")
 
@@ -90,6 +103,11 @@ class Configuration(Section):
         return catalogue.load_problem(self.problem)
 
     @property
+    def setpoint_lead(self) -> float | None:
+        """How far ahead on the plan setpoints are taken, in s; ``None`` for a sampling period."""
+        return self.pilot.lead_s or (self.plant.autopilot_s if self.command == "setpoint" else None)
+
+    @property
     def dimension(self) -> int:
         """d, the dimension of the space."""
         return self.problem_object.dimension
@@ -97,7 +115,21 @@ class Configuration(Section):
     @property
     def steps_a_piece(self) -> int:
         """Sampling periods that a piece of the plan lasts."""
-        return round((self.planner.period_s or self.sensor.period_s) / self.sensor.period_s)
+        return round((self.planner.period_s or self.period_s) / self.period_s)
+
+    @property
+    def period_s(self) -> float:
+        """T, the sampling period of the loop in s: the sensor's, or the shortest of several."""
+        if isinstance(self.sensor, SensorSection):
+            return self.sensor.period_s
+        return min(one.period_s for one in self.sensor)
+
+    @property
+    def bearing_noise_deg(self) -> float:
+        """Standard deviation of bearings in degrees: the sensor's, or the largest of several; 0 without bearings."""
+        if isinstance(self.sensor, SensorSection):
+            return self.sensor.noise_deg
+        return max((one.noise_deg or 0.0 for one in self.sensor if one.gives_bearings), default=0.0)
 
     @property
     def standoff(self) -> float | None:
@@ -108,12 +140,12 @@ class Configuration(Section):
     @property
     def forecast_period(self) -> float:
         """Time between two predicted positions in s."""
-        return self.tracker.forecast_period_s or self.sensor.period_s
+        return self.tracker.forecast_period_s or self.period_s
 
     @property
     def forecasts_a_piece(self) -> int:
         """Predicted positions that a piece of the plan lasts."""
-        return round((self.planner.period_s or self.sensor.period_s) / self.forecast_period)
+        return round((self.planner.period_s or self.period_s) / self.forecast_period)
 
     def to_mapping(self) -> dict[str, Any]:
         """The resolved configuration as plain lists, mappings and numbers: every default written out."""

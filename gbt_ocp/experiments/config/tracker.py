@@ -21,6 +21,17 @@ from gbt_ocp.experiments.config.keys import (
 )
 from gbt_ocp.experiments.config.noise import NoiseSection, NoisyBearingsSection
 
+SizeNumbers = Annotated[tuple[Positive, ...], Field(min_length=2, max_length=2), BeforeValidator(as_tuples)]
+
+
+def _size() -> Any:
+    return key(
+        None,
+        "True size of the target, its median in m and the share by which it may differ; angular sizes estimate it.",
+        "null, or a list of 2 numbers > 0",
+    )
+
+
 KernelName = Literal["se", "matern32", "matern52", "rq"]
 
 
@@ -96,6 +107,7 @@ class GaussianProcessSection(ProcessSection):
         "paper's tracker, for exact bearings.",
         "sensor, null, or a mapping",
     )
+    size: SizeNumbers | None = _size()
 
 
 class CoregionalizedSection(ProcessSection):
@@ -159,6 +171,7 @@ class MotionSection(ShapeSection):
     """Gaussian process on the shape of the motion."""
 
     kind: Literal["motion_gp"] = key(..., "Gaussian process on turn rate and log speed.")
+    size: SizeNumbers | None = _size()
 
 
 def _once_each(value: tuple[str, ...]) -> tuple[str, ...]:
@@ -279,6 +292,7 @@ class ExtendedSection(BaselineSection):
         0.1, "q, spectral density of the acceleration in m^2/s^3 under constant velocity.", gt=0.0
     )
     bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", gt=0.0)
+    size: SizeNumbers | None = _size()
 
 
 class ExtendedKalmanSection(ExtendedSection):

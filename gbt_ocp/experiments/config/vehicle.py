@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo
 
 from gbt_ocp.experiments.config.keys import (
     InputNumbers,
+    NegativeInputNumbers,
     NotNegativeInputNumbers,
     PositionNumbers,
     Positive,
@@ -59,6 +60,7 @@ class StartSection(Section):
 
 
 Follow = Literal["exact", "dynamics", "feedback"]
+KnownName = Literal["falcon", "bluerov2_heavy"]
 
 # what vehicles of both kinds have in common, declared once
 _START = Field(default_factory=StartSection, description="Initial state.")
@@ -73,6 +75,7 @@ _BANDWIDTH = key(
     gt=0.0,
     le=50.0,
 )
+_HOTEL = key(0.0, "Power in W that the vehicle takes besides its thrusters; counted in energy_j.", ge=0.0)
 
 
 class FossenVehicleSection(Section):
@@ -80,18 +83,24 @@ class FossenVehicleSection(Section):
 
     kind: Literal["fossen"] = key(..., "Fossen's equations.")
     parameters: Annotated[
-        Annotated[Literal["falcon"], Tag("named")] | Annotated[VehicleParametersSection, Tag("own")],
+        Annotated[KnownName, Tag("named")] | Annotated[VehicleParametersSection, Tag("own")],
         Discriminator(_own_or_named),
     ] = key(
         "falcon",
-        "Coefficients.",
+        "Coefficients: a vehicle by its name, as gbt-ocp list vehicles shows them, or its own.",
     )
     thrust_max: PositiveInputNumbers = key(
-        (5000.0, 5000.0, 1500.0), "τ_max: N on each axis, then the yaw moment in N m (default 5000 N and 1500 N m)."
+        (5000.0, 5000.0, 1500.0),
+        "τ_max: N on each axis, then the yaw moment in N m. By default the named vehicle's (the Falcon's 5000 N and "
+        "1500 N m).",
+    )
+    thrust_min: NegativeInputNumbers | None = key(
+        None, "τ_min where the limits differ by sign, in the same units; null is the named vehicle's, or -τ_max."
     )
     start: StartSection = _START
     follow: Follow = _FOLLOW
     follow_bandwidth: float | None = _BANDWIDTH
+    hotel_w: float = _HOTEL
     current: Annotated[
         Annotated[Literal["none", "unknown"], Tag("word")] | Annotated[PositionNumbers, Tag("given")],
         Discriminator(_word_or_given),
@@ -109,6 +118,7 @@ class ProblemVehicleSection(Section):
     start: StartSection = _START
     follow: Follow = _FOLLOW
     follow_bandwidth: float | None = _BANDWIDTH
+    hotel_w: float = _HOTEL
 
 
 AnyVehicle = Annotated[FossenVehicleSection | ProblemVehicleSection, Field(discriminator="kind")]

@@ -29,13 +29,25 @@ def vehicle_faults(merged: Mapping[str, Any], problem: TrackingProblem | None) -
     current = value_at(merged, ("vehicle", "current"))
     if current not in (NOTHING, "none"):
         yield from _current(merged, current, problem)
+    setpoint = value_at(merged, ("command",)) == "setpoint"
+    lag = value_at(merged, ("plant", "autopilot_s"))
+    if not setpoint and lag not in (NOTHING, 1.0):
+        yield Fault(("plant", "autopilot_s"), shown(lag), "1.0, the default, without command = setpoint")
+    if setpoint and follow not in (NOTHING, "exact"):
+        yield Fault(
+            ("vehicle", "follow"), shown(follow), "exact, the default, beside command = setpoint, which follows"
+        )
+    if setpoint and value_at(merged, ("guidance", "kind")) not in (NOTHING, "planner"):
+        yield Fault(
+            ("command",), "setpoint", "thrust beside a guidance.kind other than planner, which gives no setpoints"
+        )
     try:
         plant = PlantSection.model_validate(merged.get("plant", {}))
     except ValidationError:  # said where single keys are checked
         return
     if plant.is_model:
         return
-    if follow in (NOTHING, "exact"):
+    if follow in (NOTHING, "exact") and not setpoint:
         allowed = "dynamics or feedback beside a plant that differs from its model"
         yield Fault(("vehicle", "follow"), "exact", allowed)
     if value_at(merged, ("guidance", "kind")) == "fim_placement":
@@ -53,7 +65,8 @@ def _current(merged: Mapping[str, Any], current: Any, problem: TrackingProblem |
     """A current that is planned for, beside what plans nothing or plans over ground."""
     if value_at(merged, ("guidance", "kind")) not in (NOTHING, "planner"):
         yield Fault(("vehicle", "current"), shown(current), "none beside a guidance.kind other than planner")
-    if value_at(merged, ("vehicle", "follow")) in (NOTHING, "exact"):
+    setpoint = value_at(merged, ("command",)) == "setpoint"
+    if value_at(merged, ("vehicle", "follow")) in (NOTHING, "exact") and not setpoint:
         yield Fault(("vehicle", "follow"), "exact", "dynamics or feedback beside vehicle.current")
     if problem is not None and problem.objective is not None:
         yield Fault(("vehicle", "current"), shown(current), "none beside an objective of the problem's own")

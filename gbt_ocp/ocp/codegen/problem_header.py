@@ -74,7 +74,7 @@ extern const gbt_objective_functions gbt_objective;
 extern const gbt_limit gbt_limits[];
 extern const char *const gbt_limit_names[]; /* in the same order */
 extern const gbt_real gbt_acceleration_scale[GBT_FLAT]; /* typical acceleration under full thrust */
-extern const gbt_real gbt_thrust_max[GBT_INPUTS];
+extern const gbt_real gbt_thrust_min[GBT_INPUTS], gbt_thrust_max[GBT_INPUTS];
 
 void gbt_vehicle_inputs(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *inputs);
 /* The acceleration under a thrust, from z and its rate. */

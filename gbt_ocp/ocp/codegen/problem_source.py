@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle, acceleration
 from gbt_ocp.ocp.check import FINE_POINTS
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_array, c_function, c_source
@@ -131,6 +132,7 @@ def generate_problem(problem: ProblemData, options: CompiledOptions | None = Non
             c_source(wide, "double"),
             c_array("gbt_real", "gbt_input_scale", input_scale(problem), const="const"),
             c_array("gbt_real", "gbt_acceleration_scale", problem.vehicle.acceleration_scale, const="const"),
+            c_array("gbt_real", "gbt_thrust_min", ThrustRange.of(problem.vehicle).lower, const="const"),
             c_array("gbt_real", "gbt_thrust_max", problem.vehicle.thrust_max, const="const"),
             objective_text,
             *(limit.tables for limit in limits),

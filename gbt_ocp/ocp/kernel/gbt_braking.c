@@ -2,6 +2,7 @@
 
 #include "gbt_math.h"
 #include "gbt_pieces.h"
+#include "gbt_thrust.h"
 
 #define POINTS 11 /* of a piece at which its thrust is held within the limits, both ends included */
 #define FIRST (GBT_JOINED == 2 ? 0 : 1) /* of them that the lowest free derivative moves */
@@ -16,7 +17,7 @@ static gbt_real excess(gbt_real piece[GBT_ORDERS][GBT_FLAT], int k, gbt_real *po
     gbt_point_after(piece, GBT_PERIOD * (gbt_real)k / (POINTS - 1), point);
     gbt_vehicle_inputs(point, 0, 0, thrust);
     for (int m = 0; m < GBT_INPUTS; m++) {
-        const gbt_real over = gbt_fabs(thrust[m]) / gbt_thrust_max[m] - 1;
+        const gbt_real over = gbt_thrust_used(m, thrust[m]) - 1;
         if (isnan(over)) return GBT_INFINITY;
         if (over > worst) worst = over;
     }
@@ -30,10 +31,7 @@ static void project(gbt_real piece[GBT_ORDERS][GBT_FLAT], int k, gbt_real share,
     gbt_real power[GBT_ORDERS], within[GBT_FLAT];
     int finite = 1;
     gbt_taylor(GBT_PERIOD * (gbt_real)k / (POINTS - 1), power);
-    for (int m = 0; m < GBT_INPUTS; m++) {
-        const gbt_real limit = INSIDE * gbt_thrust_max[m];
-        thrust[m] = thrust[m] > limit ? limit : thrust[m] < -limit ? -limit : thrust[m];
-    }
+    for (int m = 0; m < GBT_INPUTS; m++) thrust[m] = gbt_within_thrust(m, thrust[m], INSIDE);
     gbt_vehicle_acceleration(point, point + GBT_FLAT, thrust, within);
     for (int j = 0; j < GBT_FLAT; j++) {
         within[j] = (within[j] - point[2 * GBT_FLAT + j]) / power[GBT_JOINED - 2];

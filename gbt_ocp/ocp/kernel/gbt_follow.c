@@ -2,6 +2,7 @@
 
 #include "gbt_math.h"
 #include "gbt_pieces.h"
+#include "gbt_thrust.h"
 
 #define TURN ((gbt_real)6.283185307179586)
 #define SAME_TIME (8 * GBT_EPSILON * GBT_PIECES) /* rounding of a time, in pieces: a boundary belongs to the later one */
@@ -69,11 +70,38 @@ gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt
     result->status = GBT_FOLLOWED;
     gbt_vehicle_inputs(point, 0, 0, result->thrust);
     for (int i = 0; i < GBT_INPUTS; i++) {
-        const gbt_real limit = gbt_thrust_max[i];
-        if (!isfinite(result->thrust[i])) return idle(GBT_FOLLOW_NOT_FINITE, result);
-        if (gbt_fabs(result->thrust[i]) <= limit) continue;
-        result->thrust[i] = gbt_copysign(limit, result->thrust[i]);
-        result->status = GBT_FOLLOW_CLIPPED;
+        const gbt_real asked = result->thrust[i];
+        if (!isfinite(asked)) return idle(GBT_FOLLOW_NOT_FINITE, result);
+        result->thrust[i] = gbt_within_thrust(i, asked, 1);
+        if (result->thrust[i] != asked) result->status = GBT_FOLLOW_CLIPPED;
     }
     return result->status;
+}
+
+gbt_follow_status gbt_follow_setpoint(const gbt_follower *follower, gbt_real ahead, const gbt_real *water,
+                                      gbt_setpoint *setpoint)
+{
+    static const gbt_setpoint nothing;
+    gbt_real piece[GBT_ORDERS][GBT_FLAT], point[GBT_POINT], s;
+    int finite = isfinite(ahead);
+    for (int j = 0; water && j < GBT_DIMENSION; j++) finite = finite && isfinite(water[j]);
+    *setpoint = nothing;
+    if (!finite) return setpoint->status = GBT_FOLLOW_NOT_FINITE;
+    if (ahead > GBT_PIECES * GBT_PERIOD) ahead = GBT_PIECES * GBT_PERIOD;
+    if (!piece_at(follower, ahead, piece, &s)) return setpoint->status = GBT_FOLLOW_NO_PLAN;
+    gbt_point_after(piece, s, point);
+    setpoint->speed = gbt_sqrt(point[GBT_FLAT] * point[GBT_FLAT] + point[GBT_FLAT + 1] * point[GBT_FLAT + 1]);
+    for (int j = 0; j < GBT_FLAT; j++) {
+        const gbt_real flow = water && j < GBT_DIMENSION ? water[j] : 0;
+        setpoint->z[j] = point[j] + (j < GBT_DIMENSION ? follower->start[0][j] + flow * ahead : 0);
+        setpoint->dz[j] = point[GBT_FLAT + j] + flow;
+    }
+    setpoint->course = gbt_atan2(setpoint->dz[1], setpoint->dz[0]);
+#if GBT_FLAT > GBT_DIMENSION
+    setpoint->heading = setpoint->z[GBT_DIMENSION];
+#endif
+#if GBT_DIMENSION == 3
+    setpoint->depth = -setpoint->z[2];
+#endif
+    return setpoint->status = GBT_FOLLOWED;
 }

@@ -1,6 +1,7 @@
 #include "gbt_startup.h"
 
 #include "gbt_math.h"
+#include "gbt_thrust.h"
 
 #define D GBT_DIMENSION
 #define LOST ((gbt_real)1.6)      /* factor on the deviation at which a vehicle that planned already crosses again */
@@ -71,8 +72,7 @@ static void reach(const gbt_startup *startup, const gbt_real *z, const gbt_real 
         point[2 * GBT_FLAT + j] = ((j < D ? velocity[j] : 0) - dz[j]) / startup->period;
     }
     gbt_vehicle_inputs(point, 0, 0, thrust);
-    for (int i = 0; i < GBT_INPUTS; i++)
-        if (gbt_fabs(thrust[i]) > gbt_thrust_max[i]) thrust[i] = gbt_copysign(gbt_thrust_max[i], thrust[i]);
+    for (int i = 0; i < GBT_INPUTS; i++) thrust[i] = gbt_within_thrust(i, thrust[i], 1);
 }
 
 gbt_startup_status gbt_startup_step(gbt_startup *startup, gbt_real time, const gbt_real *z, const gbt_real *dz,

@@ -32,7 +32,7 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
     Its row: errors and distance in m, the largest thrust over its limit that was executed, and what the planner had
     to do for it.
     """
-    exact = configuration.sensor.noise_deg == 0.0
+    exact = configuration.bearing_noise_deg == 0.0
     settling = SETTLING_S if exact else min(TRACK_SETTLING_S, 0.5 * configuration.duration_s)
     loop, start = build_loop(treated(configuration, "hard"))
     planned = planned_of(loop.guidance)
@@ -43,7 +43,7 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
     history = recording.history
     summary = summarise(
         history,
-        period=configuration.sensor.period_s,
+        period=configuration.period_s,
         seed=configuration.seed,
         settling=settling,
         wall_s=perf_counter() - began,
@@ -52,6 +52,7 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
         versions=installed_versions(),
         forecast_period=configuration.forecast_period,
         standoff=configuration.standoff,
+        hotel_w=configuration.vehicle.hotel_w,
     )
     settled = history.condition_number[history.t >= settling - 1e-9]
     times = 1e3 * history.solver_time[history.planned]

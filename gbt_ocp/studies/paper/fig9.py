@@ -9,7 +9,7 @@ from time import perf_counter
 
 import numpy as np
 
-from gbt_ocp.experiments.build.loop import build_sensor
+from gbt_ocp.experiments.build.sensors import build_sensor
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.sweep.carry_out import Sweep
@@ -187,7 +187,7 @@ def _replayed(
     for t, bearing, detected, pose, error in zip(*(done.arrays(rows, name) for name in names), strict=True):
         own = pose[:, : configuration.dimension]
         trackers = tuple(build_tracker(one.tracker, own[0], build_sensor(one)) for one in (configuration, plain))
-        period, steps = configuration.sensor.period_s, np.arange(error.shape[1])
+        period, steps = configuration.period_s, np.arange(error.shape[1])
         for k in range(len(t)):
             elapsed = []
             for tracker in trackers:

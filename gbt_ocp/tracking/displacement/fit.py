@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import lapack
 
+from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.tracking.bins import BinnedBearings
 from gbt_ocp.tracking.displacement.kernels import DisplacementKernel
-from gbt_ocp.tracking.displacement.rows import BearingRows, bearing_rows, row_covariance
+from gbt_ocp.tracking.displacement.rows import BearingRows, row_covariance, rows_with_others
 from gbt_ocp.tracking.linalg import NotPositiveDefiniteError, cholesky
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal
@@ -125,6 +126,10 @@ class DisplacementFit:
         What was measured, and its linearisation.
     trust
         Weight of each row ``(R,)``: 1, or less for a suspected outlier.
+    others
+        Measurements that are no bearings; their times and places stand behind the samples, their rows behind the rows.
+    size
+        The true size in metres, if there are angular sizes.
     """
 
     kernel: DisplacementKernel
@@ -133,6 +138,8 @@ class DisplacementFit:
     samples: BinnedBearings
     rows: BearingRows
     trust: Array
+    others: Sequence[Sighting] = ()
+    size: LogNormal | None = None
     # what nodes share: displacement covariances by length scale, noise by σ
     _displacement: dict[float, Array] = field(default_factory=dict, repr=False)
     _rest: dict[float, Array] = field(default_factory=dict, repr=False)
@@ -157,6 +164,11 @@ class DisplacementFit:
             + np.log(self.rows.ranges).sum()
         )
         return NodePosterior(node, factor, weights, float(evidence) + node.log_prior)
+
+    @property
+    def latest(self) -> float:
+        """Time of the latest bearing in seconds."""
+        return float(self.samples.times[len(self.samples) - len(self.others) - 1])
 
     def _displacements(self, log_length: float) -> Array:
         """Covariance of the rows' displacements at unit scale ``(R, R)``."""
@@ -206,7 +218,8 @@ class DisplacementFit:
         variance = solution.node.white_variance
         noise = row_covariance(self.rows, self.samples, self.noise, variance, self.trust)
         mean = self.mean(solution, self.samples.times)
-        angles = bearing_rows(self.samples, mean).residuals * self.rows.ranges
+        again = rows_with_others(self.samples, self.others, mean, self.noise.std, self.size)
+        angles = again.residuals * self.rows.ranges
         weights = solution.weights
         return float(0.5 * ((angles**2 / noise.diagonal()).sum() - weights**2 @ noise.diagonal()))
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gbt_ocp.tracking.bins import BinnedBearings
-from gbt_ocp.tracking.displacement.fit import PosteriorMixture
+from gbt_ocp.tracking.displacement.fit import Node, PosteriorMixture, grid
+from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.typing import Array
 
@@ -16,6 +17,9 @@ LADDER = 2.0
 
 RUNG = 0.42
 """Standard deviation of a hypothesis's range over its range: neighbouring ones overlap."""
+
+CANDIDATES = np.log(1.4) * np.arange(-2, 3)
+"""Logarithms of the factors on σ that are compared where it is estimated."""
 
 FIRST = 5
 """Bearings whose mean points the hypotheses."""
@@ -45,6 +49,19 @@ class MotionPriors:
     def __post_init__(self) -> None:
         if not self.position_std > 0.0:
             raise ValueError(f"position_std: found {self.position_std}; allowed: a number > 0")
+
+    def nodes(self, noise: BearingNoise, log_factor: float) -> list[Node]:
+        """The grid of hyperparameters; where σ is estimated, about its factor so far, whose logarithm is given."""
+        variance = noise.std**2
+        if not noise.estimated:
+            return grid(self.scale, self.length, [(variance, 0.0)])
+        # σ as given is a weak prior: a factor of e is one standard deviation
+        factors = log_factor + CANDIDATES
+        return grid(
+            self.scale,
+            self.length,
+            [(variance * float(np.exp(2.0 * f)), -0.5 * float(f) ** 2) for f in factors],
+        )
 
 
 @dataclass

@@ -24,7 +24,7 @@ GROSS = 16.0
 
 
 def innovation(
-    mixture: PosteriorMixture, noise: BearingNoise, time: float, bearing: Array, own: Array
+    mixture: PosteriorMixture, noise: BearingNoise, time: float, bearing: Array, own: Array, weight: float = 1.0
 ) -> tuple[Array | None, float]:
     """Where the target is expected, and the bearing's mean squared standardised distance from there.
 
@@ -36,6 +36,8 @@ def innovation(
         Of the sensor.
     time, bearing, own
         Time in seconds, bearing and own position ``(d,)``.
+    weight
+        Number of ordinary bearings that it is worth.
 
     Returns
     -------
@@ -44,7 +46,7 @@ def innovation(
     forecast = mixture.predict(np.array([time]))
     rows = bearing_rows(BinnedBearings(np.array([time]), bearing[None], own[None], np.ones(1)), forecast.mean)
     across = rows.directions @ forecast.covariance[0] @ rows.directions.T / rows.ranges[0] ** 2
-    variance = mixture.best[1].node.white_variance + noise.correlated_std**2
+    variance = mixture.best[1].node.white_variance / weight + noise.correlated_std**2
     across[np.diag_indices_from(across)] += variance + (noise.own_std / rows.ranges[0]) ** 2
     square = float(rows.residuals @ np.linalg.solve(across, rows.residuals)) / len(rows.residuals)
     there = forecast.mean[0]

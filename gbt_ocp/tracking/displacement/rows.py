@@ -11,18 +11,25 @@ which has no bias of first order. Repeated from the posterior it is Gauss-Newton
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.models.bearings import log_map, tangent_basis
+from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.tracking.bins import BinnedBearings
 from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.polar import polar_rows
+from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.typing import Array
 
 FARTHEST = 0.4
 """Angle in radians between predicted and measured bearing beyond which the measured tangent is kept."""
+
+MOST_INWARD = -0.7
+"""Share of the predicted range by which one linearisation may shorten it."""
 
 NO_DIRECTION = 1.0e-4
 """Range in metres below which a predicted position has no direction; the measured one stands in."""
@@ -46,6 +53,8 @@ class BearingRows:
         Axis about which the measured direction turns along h ``(R, 3)``: λ̂ × h.
     residuals
         Angle from the predicted to the measured direction along each row ``(R,)`` in radians.
+    others
+        The rows behind those of bearings, if there are any: of other measurements, each with a noise of its own.
     """
 
     sample: Array
@@ -54,6 +63,23 @@ class BearingRows:
     ranges: Array
     axes: Array
     residuals: Array
+    others: OtherRows | None = None
+
+
+@dataclass(frozen=True)
+class OtherRows:
+    """Noise of the rows of measurements that are no bearings. A range has the range 1, so that it stays in metres.
+
+    Attributes
+    ----------
+    variances
+        Of each row over its range squared ``(M,)``: of an angle in rad², of the log of a size, of a range in m².
+    shared
+        Deviation in metres of what all angular sizes have in common ``(M,)``, the true size; zero in other rows.
+    """
+
+    variances: Array
+    shared: Array
 
 
 def bearing_rows(samples: BinnedBearings, predicted: Array) -> BearingRows:
@@ -82,6 +108,66 @@ def bearing_rows(samples: BinnedBearings, predicted: Array) -> BearingRows:
         np.repeat(ranges, rows),
         _turning_axes(expected, directions).reshape(-1, 3),
         angle.ravel(),
+    )
+
+
+def rows_with_others(
+    samples: BinnedBearings,
+    others: Sequence[Sighting],
+    predicted: Array,
+    bearing_std: float,
+    size: LogNormal | None,
+) -> BearingRows:
+    """Rows of bearings and of other measurements, linearised at predicted positions.
+
+    A range is linear in metres along the line of sight. An angular size is linear in the log of the range. Its error,
+    and that of the true size which all sizes share, are shares of the predicted range: as shares of what was measured
+    they would favour the sizes that came out large.
+
+    Parameters
+    ----------
+    samples
+        The bearings, and behind them times and places of the others ``(N + M)``.
+    others
+        M measurements.
+    predicted
+        Positions ``(N + M, d)`` in metres.
+    bearing_std
+        Deviation in radians of an angle that did not say it.
+    size
+        The true size in metres, if there are angular sizes.
+    """
+    if not others:
+        return bearing_rows(samples, predicted)
+    count = len(samples) - len(others)
+    one = BinnedBearings(*(values[:count] for values in vars(samples).values()))
+    rows = bearing_rows(one, predicted[:count])
+    directions, values, ranges, residuals, variances, shared = ([] for _ in range(6))
+    for sighting, place in zip(others, predicted[count:], strict=True):
+        polar = polar_rows(sighting, place, bearing_std, 0.0 if size is None else float(np.log(size.median)))
+        far, std = float(polar.range), float(polar.stds[0])
+        if sighting.kind == "range":
+            far = float(np.linalg.norm(place - sighting.position))
+            direction, scale, residual, std = polar.unit, 1.0, float(sighting.value[0]) - far, float(sighting.std[0])
+        else:
+            sized = sighting.kind == "size"
+            # a size says by how much less the log of the range is
+            direction = polar.unit if sized else polar.across[0]
+            scale, residual = far, float(polar.residuals[0]) * (-1.0 if sized else 1.0)
+        directions.append(direction)
+        values.append(direction @ place + scale * max(residual, MOST_INWARD if scale != 1.0 else -np.inf))
+        ranges.append(scale)
+        residuals.append(residual)
+        variances.append(std**2)
+        shared.append(size.log_std * far if sighting.kind == "size" and size is not None else 0.0)
+    return BearingRows(
+        np.concatenate([rows.sample, count + np.arange(len(others))]),
+        np.concatenate([rows.directions, directions]),
+        np.concatenate([rows.values, values]),
+        np.concatenate([rows.ranges, ranges]),
+        np.concatenate([rows.axes, np.zeros((len(others), 3))]),
+        np.concatenate([rows.residuals, residuals]),
+        OtherRows(np.array(variances), np.array(shared)),
     )
 
 
@@ -115,7 +201,13 @@ def row_covariance(
         w of each row ``(R,)``: 1, or less for a suspected outlier.
     """
     counts = samples.counts[rows.sample]
-    matrix = np.diag((rows.ranges**2 * (white_variance / trust) + noise.own_std**2) / counts)
+    white = white_variance / trust
+    if rows.others is not None:
+        white[-len(rows.others.variances) :] = rows.others.variances
+    matrix = np.diag((rows.ranges**2 * white + noise.own_std**2) / counts)
+    if rows.others is not None:
+        shared = np.concatenate([np.zeros(len(white) - len(rows.others.shared)), rows.others.shared])
+        matrix += np.outer(shared, shared)
     if noise.correlated_std > 0.0:
         lasting = noise.correlated(samples.times)[np.ix_(rows.sample, rows.sample)]
         matrix += np.outer(rows.ranges, rows.ranges) * lasting * (rows.axes @ rows.axes.T)

@@ -14,18 +14,22 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.measurements import MeasurementKind, Sighting
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
-from gbt_ocp.tracking.displacement.fit import Anchor, DisplacementFit, Node, NodePosterior, PosteriorMixture, grid
+from gbt_ocp.tracking.decomposed import parts_of
+from gbt_ocp.tracking.displacement.fit import Anchor, DisplacementFit, Node, PosteriorMixture
 from gbt_ocp.tracking.displacement.hypotheses import MotionPriors, RangeHypothesis, range_hypotheses
 from gbt_ocp.tracking.displacement.innovations import RECENT_BEARINGS, ResetTest, innovation
 from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS
-from gbt_ocp.tracking.displacement.rows import BearingRows, bearing_rows, tail_weights
+from gbt_ocp.tracking.displacement.rows import rows_with_others
+from gbt_ocp.tracking.displacement.samples import SampleStore
+from gbt_ocp.tracking.displacement.trust import row_trust
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.gp.posterior import Hyperparameters
 from gbt_ocp.tracking.noise import BearingNoise
-from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.polar import ALL_KINDS, WITHOUT_SIZE, checked_sighting
+from gbt_ocp.tracking.priors import LogNormal, PositionPrior
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, relative_range_std
-from gbt_ocp.tracking.window import Window
 from gbt_ocp.typing import Array
 
 RANGE_LOST = 0.5
@@ -36,9 +40,6 @@ FEWEST = 10
 
 FAR_BEHIND = 7.0
 """Difference in log evidence from the best hypothesis beyond which one is left out of the mixture."""
-
-CANDIDATES = np.log(1.4) * np.arange(-2, 3)
-"""Logarithms of the factors on σ that are compared where it is estimated."""
 
 STRAY = 4.0
 """Deviations from its bin's median beyond which a bearing is left out, where bearings are binned."""
@@ -72,11 +73,15 @@ class NoisyGaussianProcessTracker(RestartingTracker):
         Times the window is linearised an update.
     prior
         What is known of the position at the first bearing; by default nothing, with the vehicle at the origin.
+    size
+        The true size of the target in metres, if angular sizes are measured.
 
     Attributes
     ----------
     restarts
         How often a lost track was begun again.
+    takes
+        Kinds of measurements that :meth:`take` takes.
 
     Raises
     ------
@@ -98,6 +103,7 @@ class NoisyGaussianProcessTracker(RestartingTracker):
         tails: float | None = None,
         linearisations: int = 2,
         prior: PositionPrior | None = None,
+        size: LogNormal | None = None,
     ) -> None:
         if kernel not in DISPLACEMENT_KERNELS:
             raise ValueError(f"kernel: found {kernel!r}; allowed: {', '.join(DISPLACEMENT_KERNELS)}")
@@ -108,9 +114,10 @@ class NoisyGaussianProcessTracker(RestartingTracker):
         self.dimension = dimension
         self.restarts = self.nugget_retries = 0
         self._noise = noise
-        self._follows = bins is not None
-        self._bins = bins if bin_width is None else BearingBins(bin_width, window, STRAY * noise.std)
-        self._window = Window(int(window) if bin_width is None else 2)
+        self._size = size
+        self.takes: tuple[MeasurementKind, ...] = WITHOUT_SIZE if size is None else ALL_KINDS
+        made = bins if bin_width is None else BearingBins(bin_width, window, STRAY * noise.std)
+        self._store = SampleStore(int(window) if made is None else 2, made, bins is not None)
         self._kernel = DISPLACEMENT_KERNELS[kernel]
         self._priors = MotionPriors() if priors is None else priors
         self._averaged = hyperparameters == "averaged"
@@ -123,10 +130,7 @@ class NoisyGaussianProcessTracker(RestartingTracker):
         self._begin(PositionPrior(np.zeros(dimension)) if prior is None else prior)
 
     def _begin(self, prior: PositionPrior) -> None:
-        if self._bins is None:
-            self._window = Window(self._window.capacity)
-        elif not self._follows:
-            self._bins.clear()
+        self._store.clear()
         self._prior = prior
         self._known = prior.known
         self._log_factor = 0.0
@@ -153,16 +157,38 @@ class NoisyGaussianProcessTracker(RestartingTracker):
             If numbers are not finite, the bearing is no unit vector, or time does not increase; the tracker is then
             unchanged.
         """
-        t = float(time)
-        b, own = (self._window if self._bins is None else self._bins).checked(t, bearing, own_position)
-        if self._gaps.ended(t):
-            self._restart(own)
-        if self._bins is None:
-            self._window.append(t, b, own)
-            self.follow(t, b, own)
+        self._seen(float(time), *self._store.checked(float(time), bearing, own_position))
+
+    def take(self, sighting: Sighting) -> None:
+        """Take in a measurement of any kind in :attr:`takes`, with its own noise, at or after the latest time.
+
+        Measurements that are no bearings count from the first bearing of the window on.
+
+        Raises
+        ------
+        ValueError
+            If the kind is not taken or the measurement is out of order; the tracker is then unchanged.
+        """
+        checked_sighting(sighting, self.takes, "gp", self.dimension, self._store.latest)
+        parts = parts_of(sighting, self._noise.std)
+        if parts.bearing is not None:
+            weight = 1.0 if np.isnan(parts.std) else (self._noise.std / parts.std) ** 2
+            self._seen(sighting.time, parts.bearing, sighting.position, weight, parts.singles)
             return
-        ahead, square = self._innovation(t, b, own)
-        self._bins.append(t, b, own, expected=ahead, suspect=square > STRAY**2)
+        self._store.others.extend(parts.singles)
+        if self._mixture is not None:
+            self._condition(None)
+
+    def _seen(
+        self, time: float, bearing: Array, own: Array, weight: float = 1.0, singles: Sequence[Sighting] = ()
+    ) -> None:
+        """Take in a bearing that is worth so many of the configured noise, and what came with it."""
+        if self._gaps.ended(time):
+            self._restart(own)
+        self._store.others.extend(singles)
+        ahead, square = self._innovation(time, bearing, own, weight)
+        suspect = square > STRAY**2
+        self._store.append(time, bearing, own, weight=weight, expected=ahead, suspect=suspect)
         self._condition(square)
 
     def follow(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
@@ -170,15 +196,15 @@ class NoisyGaussianProcessTracker(RestartingTracker):
         b, own = np.asarray(bearing, dtype=float), np.asarray(own_position, dtype=float)
         self._condition(self._innovation(float(time), b, own)[1])
 
-    def _condition(self, square: float) -> None:
-        """Condition on the window, whose latest bearing was so far from where it was expected."""
-        if self._mixture is not None and self._reset.lost(square):
+    def _condition(self, square: float | None) -> None:
+        """Condition on the window, whose latest bearing was so far from where it was expected; ``None`` is none."""
+        if self._mixture is not None and square is not None and self._reset.lost(square):
             self.restarts += 1
             self._begin_again()
-        samples = self._samples()
+        samples = self._store.bearings()
         if not self._observable:
             self._anchor(samples)
-        nodes = self._nodes()
+        nodes = self._priors.nodes(self._noise, self._log_factor)
         if self._observable:
             one = self._hypotheses[0]
             fit = self._fit(one, Anchor(*self._here(samples)), samples, nodes)
@@ -189,38 +215,15 @@ class NoisyGaussianProcessTracker(RestartingTracker):
         self._log_factor = 0.5 * float(np.log(self._mixture.best[1].node.white_variance / self._noise.std**2))
         self._judge_range(samples)
 
-    def _samples(self) -> BinnedBearings:
-        if self._bins is not None:
-            return self._bins.means()
-        window = self._window
-        return BinnedBearings(window.times, window.bearings, window.own_positions, np.ones(len(window)))
-
-    def _nodes(self) -> list[Node]:
-        """The grid; where σ is estimated, it moves along with σ."""
-        variance = self._noise.std**2
-        if not self._noise.estimated:
-            return grid(self._priors.scale, self._priors.length, [(variance, 0.0)])
-        factors = self._log_factor + CANDIDATES
-        # σ as given is a weak prior: a factor of e is one standard deviation
-        return grid(
-            self._priors.scale,
-            self._priors.length,
-            [(variance * float(np.exp(2.0 * f)), -0.5 * float(f) ** 2) for f in factors],
-        )
-
-    def _innovation(self, time: float, bearing: Array, own: Array) -> tuple[Array | None, float]:
+    def _innovation(self, time: float, bearing: Array, own: Array, weight: float = 1.0) -> tuple[Array | None, float]:
         """Where the target is expected, and the squared innovation; nothing and 0 before the first bearing."""
-        return (None, 0.0) if self._mixture is None else innovation(self._mixture, self._noise, time, bearing, own)
+        if self._mixture is None:
+            return None, 0.0
+        return innovation(self._mixture, self._noise, time, bearing, own, weight)
 
     def _begin_again(self) -> None:
         """Begin a lost track again: forget all but the latest samples, and all hypotheses."""
-        if self._bins is None:
-            kept, old = Window(self._window.capacity), self._window
-            for sample in list(zip(old.times, old.bearings, old.own_positions, strict=True))[-RECENT_BEARINGS:]:
-                kept.append(*sample)
-            self._window = kept
-        elif not self._follows:
-            self._bins.forget_before(self._bins.means().times[-min(len(self._bins), 3)])
+        self._store.keep_latest(RECENT_BEARINGS, 3)
         self._hypotheses, self._observable, self._known = [], False, None
         self._reset.clear()
 
@@ -237,7 +240,7 @@ class NoisyGaussianProcessTracker(RestartingTracker):
         oldest = float(samples.times[0])
         if self._hypotheses:
             # the means of bins shift while they fill, and the process reaches back a while beyond the oldest sample
-            if oldest - self._anchor_time <= (0.0 if self._bins is None else self._bins.width):
+            if oldest - self._anchor_time <= (0.0 if self._store.bins is None else self._store.bins.width):
                 return
             self._known = None
         self._anchor_time = oldest
@@ -280,26 +283,18 @@ class NoisyGaussianProcessTracker(RestartingTracker):
         """The window linearised where the hypothesis has the target."""
         node = self._last_node(one, nodes)
         last = None if one.mixture is None else one.mixture.best
+        others = tuple(self._store.others)
+        everything = self._store.everything(samples)
         for count in range(self._linearisations):
-            places = np.tile(one.mean, (len(samples), 1)) if last is None else last[0].mean(last[1], samples.times)
-            rows = bearing_rows(samples, places)
-            fit = DisplacementFit(
-                self._kernel, anchor, self._noise, samples, rows, self._trust(rows, last, samples, node)
-            )
+            places = np.tile(one.mean, (len(everything), 1))
+            if last is not None:
+                places = last[0].mean(last[1], everything.times)
+            rows = rows_with_others(everything, others, places, self._noise.std, self._size)
+            trust = row_trust(rows, last, samples, places, node.white_variance, self._tails)
+            fit = DisplacementFit(self._kernel, anchor, self._noise, everything, rows, trust, others, self._size)
             if count + 1 < self._linearisations:
                 last = fit, fit.solve(node)
         return fit
-
-    def _trust(
-        self, rows: BearingRows, last: tuple[DisplacementFit, NodePosterior] | None, samples: BinnedBearings, node: Node
-    ) -> Array:
-        """Weights of the rows; ones without heavy tails, or without a fit that says what is expected."""
-        if self._tails is None or last is None:
-            return np.ones(len(rows.values))
-        fit, solution = last
-        covariance = fit.predict(solution, samples.times).covariance
-        unseen = samples.times > fit.samples.times[-1]
-        return tail_weights(rows, samples, covariance, unseen, node.white_variance, self._noise.own_std, self._tails)
 
     def _judge_range(self, samples: BinnedBearings) -> None:
         """Decide whether range is observable at the oldest sample, of which the manoeuvres since say most."""

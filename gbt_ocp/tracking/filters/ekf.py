@@ -3,21 +3,28 @@
 The update is linearised along the tangent of the *predicted* bearing, and the innovation is the angle from it to the
 measured one. A pseudo-linear update takes the tangent of the measured bearing, so that its error stands in H and in the
 measurement at once and pulls the estimate onto the vehicle: slowly at each update, to the end at ten a second.
+
+Measurements that come with a noise of their own, of any kind, are taken in in polar coordinates: see
+:mod:`~gbt_ocp.tracking.filters.polar_update`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.models.bearings import log_map, tangent_basis
+from gbt_ocp.models.measurements import MeasurementKind, Sighting
 from gbt_ocp.tracking.filters.imm import ImmTracker, InteractingMultipleModel
 from gbt_ocp.tracking.filters.kalman import predicted, updated
-from gbt_ocp.tracking.filters.motion_models import constant_velocity
+from gbt_ocp.tracking.filters.motion_models import constant_velocity, size_estimate, sized_state, with_constant
+from gbt_ocp.tracking.filters.polar_update import OwnVelocities, polar_updated
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
-from gbt_ocp.tracking.priors import RangedPrior
+from gbt_ocp.tracking.polar import ALL_KINDS, WITHOUT_SIZE, checked_sighting, polar_rows
+from gbt_ocp.tracking.priors import LogNormal, RangedPrior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import checked_sample
 from gbt_ocp.typing import Array
@@ -89,6 +96,35 @@ class FirstGuess:
         across = max(10.0 * deviation, 0.1) * self.prior.range
         return mean, self.range_std**2 * along + across**2 * (np.eye(len(own)) - along)
 
+    def sighted(self, sighting: Sighting, deviation: float) -> tuple[Array, Array]:
+        """Mean ``(d,)`` and covariance ``(d, d)`` before the first measurement is taken in, of whatever kind.
+
+        Raises
+        ------
+        ValueError
+            If it does not say where the target is, and no prior does.
+        """
+        own, kind = sighting.position, sighting.kind
+        if self.prior.known is not None:
+            return self.prior.known
+        if kind == "position":
+            return sighting.value, np.diag((2.0 * sighting.std) ** 2)
+        if kind in ("azimuth", "azimuth_elevation"):
+            std = float(np.fmax(np.nanmax(sighting.std, initial=0.0), deviation))
+            if kind == "azimuth" and len(own) == 3:
+                level = replace(sighting, kind="azimuth_elevation", value=np.append(sighting.value, 0.0))
+                mean, covariance = self.position(level.bearing, own, std)
+                covariance[2, 2] += (UNKNOWN_ELEVATION * self.prior.range) ** 2
+                return mean, covariance
+            return self.position(sighting.bearing, own, std)
+        raise ValueError(
+            f"kind: found '{kind}' before the track has begun; allowed: a bearing or a position first, or tracker.prior"
+        )
+
+
+UNKNOWN_ELEVATION = 0.5
+"""Standard deviation in radians of the elevation at the first measurement, if that is an azimuth alone."""
+
 
 class ExtendedKalmanFilter(RestartingTracker):
     """State [p, v] with white noise on the velocity, updated along the tangent of the predicted bearing.
@@ -102,7 +138,14 @@ class ExtendedKalmanFilter(RestartingTracker):
     process_noise
         q, spectral density of the white acceleration in m²/s³.
     bearing_std
-        σ in radians.
+        σ in radians of a bearing that does not say its own.
+    size
+        The true size of the target in metres, if angular sizes are measured; it is estimated.
+
+    Attributes
+    ----------
+    takes
+        Kinds of measurements that :meth:`take` takes.
 
     Raises
     ------
@@ -110,13 +153,17 @@ class ExtendedKalmanFilter(RestartingTracker):
         If a parameter is out of range.
     """
 
-    def __init__(self, guess: FirstGuess, *, process_noise: float, bearing_std: float) -> None:
+    def __init__(
+        self, guess: FirstGuess, *, process_noise: float, bearing_std: float, size: LogNormal | None = None
+    ) -> None:
         if not (process_noise > 0.0 and bearing_std > 0.0):
             raise ValueError(
                 f"process_noise and bearing_std: found {process_noise}, {bearing_std}; allowed: numbers > 0"
             )
         self._process_noise = process_noise
         self._deviation = bearing_std
+        self._size_prior = size
+        self.takes: tuple[MeasurementKind, ...] = WITHOUT_SIZE if size is None else ALL_KINDS
         self._gaps = Gaps()
         self._begin(guess)
 
@@ -125,6 +172,7 @@ class ExtendedKalmanFilter(RestartingTracker):
         self._time: float | None = None
         self._mean = np.zeros(0)
         self._covariance = np.zeros((0, 0))
+        self._own_velocities = OwnVelocities()
 
     def _restart(self, own: Array) -> None:
         self._begin(self._guess.elsewhere(own))
@@ -138,25 +186,57 @@ class ExtendedKalmanFilter(RestartingTracker):
             If numbers are not finite, the bearing is no unit vector, or time does not increase.
         """
         g, own = checked_sample(time, bearing, own_position, self._time)
-        if self._gaps.ended(float(time)):
-            self._restart(own)
         d = len(own)
-        if self._time is None:
-            position, covariance = self._guess.position(g, own, self._deviation)
-            self._mean = np.concatenate([position, np.zeros(d)])
-            self._covariance = self._guess.speed_std**2 * np.eye(2 * d)
-            self._covariance[:d, :d] = covariance
-        else:
-            self._mean, self._covariance = self._ahead(float(time) - self._time)
-        self._time = float(time)
-        observation, innovation = angle_measurement(self._mean[:d], own, g, 2 * d)
+        self._advance(float(time), own, lambda: self._guess.position(g, own, self._deviation))
+        observation, innovation = angle_measurement(self._mean[:d], own, g, self._mean.size)
         noise = self._deviation**2 * np.eye(d - 1)
         value = observation @ self._mean + innovation
         done = updated(self._mean, self._covariance, observation, noise, value)
         self._mean, self._covariance = done.mean, done.covariance
 
+    def take(self, sighting: Sighting) -> None:
+        """Take in a measurement of any kind in :attr:`takes`, with its own noise, at or after the latest time.
+
+        Raises
+        ------
+        ValueError
+            If the kind is not taken, the measurement is out of order, or the first one does not say where the target
+            is; the filter is then unchanged.
+        """
+        own = sighting.position
+        checked_sighting(sighting, self.takes, "ekf", len(self._guess.prior.start), self._time)
+        if self._time is None:
+            self._guess.sighted(sighting, self._deviation)
+        self._advance(sighting.time, own, lambda: self._guess.sighted(sighting, self._deviation))
+        rows = polar_rows(sighting, self._mean[: len(own)], self._deviation, self._mean[-1])
+        velocity = self._own_velocities.at(sighting.sensor, sighting.time, own)
+        done = polar_updated(self._mean, self._covariance, rows, own, velocity)
+        self._mean, self._covariance = done.mean, done.covariance
+
+    @property
+    def size(self) -> LogNormal | None:
+        """What is known of the target's true size in metres; ``None`` where it is not estimated."""
+        return self._size_prior if self._time is None else size_estimate(self._size_prior, self._mean, self._covariance)
+
+    def _advance(self, time: float, own: Array, begin: Callable[[], tuple[Array, Array]]) -> None:
+        """Bring the state to a time in seconds; ``begin`` gives the position at the first measurement of a track."""
+        if self._gaps.ended(time):
+            self._restart(own)
+        if self._time is None:
+            d = len(own)
+            position, spread = begin()
+            covariance = self._guess.speed_std**2 * np.eye(2 * d)
+            covariance[:d, :d] = spread
+            mean = np.concatenate([position, np.zeros(d)])
+            self._mean, self._covariance = sized_state(self._size_prior, mean, covariance)
+        else:
+            self._mean, self._covariance = self._ahead(time - self._time)
+        self._time = time
+
     def _ahead(self, step: ArrayLike) -> tuple[Array, Array]:
         transition, noise = constant_velocity(step, self._mean.size // 2)
+        if self._size_prior is not None:
+            transition, noise = with_constant(transition, noise)
         return predicted(self._mean, self._covariance, transition, self._process_noise * noise)
 
     def predict(self, times: ArrayLike) -> Forecast:
@@ -179,18 +259,36 @@ class ImmExtendedTracker(ImmTracker):
     models
         The modes.
     bearing_std
-        σ in radians.
+        σ in radians of a bearing that does not say its own.
+    size
+        The true size of the target in metres, if angular sizes are measured; it is estimated.
+
+    Attributes
+    ----------
+    takes
+        Kinds of measurements that :meth:`take` takes.
     """
 
-    def __init__(self, guess: FirstGuess, models: InteractingMultipleModel, *, bearing_std: float) -> None:
+    def __init__(
+        self,
+        guess: FirstGuess,
+        models: InteractingMultipleModel,
+        *,
+        bearing_std: float,
+        size: LogNormal | None = None,
+    ) -> None:
         if not bearing_std > 0.0:
             raise ValueError(f"bearing_std: found {bearing_std}; allowed: a number > 0")
         super().__init__(guess.prior, models)
         self._guess = guess
         self._deviation = bearing_std
+        self._size_prior = models.size = size
+        self.takes: tuple[MeasurementKind, ...] = WITHOUT_SIZE if size is None else ALL_KINDS
+        self._own_velocities = OwnVelocities()
 
     def _restart(self, own: Array) -> None:
         super()._restart(own)
+        self._own_velocities = OwnVelocities()
         self._guess = self._guess.elsewhere(own)
 
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
@@ -208,3 +306,20 @@ class ImmExtendedTracker(ImmTracker):
         value = (observation @ means[..., None])[..., 0] + innovation
         noise = np.tile(self._deviation**2 * np.eye(len(own) - 1), (len(means), 1, 1))
         self.models.correct(observation, noise, value)
+
+    def take(self, sighting: Sighting) -> None:
+        """Take in a measurement of any kind in :attr:`takes`; as :meth:`ExtendedKalmanFilter.take`."""
+        own = sighting.position
+        checked_sighting(sighting, self.takes, "imm_ekf", len(self._guess.prior.start), self._time)
+        if self._time is None:
+            self._guess.sighted(sighting, self._deviation)
+        self._advance(sighting.time, own, lambda: self._guess.sighted(sighting, self._deviation))
+        means = self.models.means
+        rows = polar_rows(sighting, means[:, : len(own)], self._deviation, means[:, -1])
+        velocity = self._own_velocities.at(sighting.sensor, sighting.time, own)
+        self.models.weigh(polar_updated(means, self.models.covariances, rows, own, velocity))
+
+    @property
+    def size(self) -> LogNormal | None:
+        """What is known of the target's true size in metres; ``None`` where it is not estimated."""
+        return self._size_prior if self._time is None else size_estimate(self._size_prior, *self.models.combined())

@@ -12,11 +12,20 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gbt_ocp.tracking.filters.kalman import predicted, updated
-from gbt_ocp.tracking.filters.motion_models import constant_acceleration, constant_velocity, coordinated_turn, turn_rate
+from gbt_ocp.models.measurements import MeasurementKind
+from gbt_ocp.tracking.filters.kalman import Update, predicted, updated
+from gbt_ocp.tracking.filters.motion_models import (
+    constant_acceleration,
+    constant_velocity,
+    coordinated_turn,
+    sized_state,
+    turn_rate,
+    with_constant,
+)
 from gbt_ocp.tracking.filters.plkf import pseudo_linear, pseudo_noise
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
-from gbt_ocp.tracking.priors import RangedPrior
+from gbt_ocp.tracking.polar import BEARINGS
+from gbt_ocp.tracking.priors import LogNormal, RangedPrior
 from gbt_ocp.tracking.protocol import Forecast, mixed
 from gbt_ocp.tracking.window import checked_sample
 from gbt_ocp.typing import Array
@@ -74,6 +83,8 @@ class InteractingMultipleModel:
         np.fill_diagonal(self.transition, stay_probability)
         self.probabilities: Array = np.full(count, 1.0 / count)
         """μ ``(3,)``, in the order of :data:`MODES`."""
+        self.size: LogNormal | None = None
+        """The true size in metres, where its logarithm stands behind the states of the modes: n = 3d + 1, else 3d."""
         self._means = np.zeros((count, 0))
         self._covariances = np.zeros((count, 0, 0))
 
@@ -83,31 +94,32 @@ class InteractingMultipleModel:
         self.probabilities = np.full(count, 1.0 / count)
         spread = self._initial_variance * np.eye(3 * d)
         spread[:d, :d] = covariance
-        self._means = np.tile(np.concatenate([position, np.zeros(2 * d)]), (count, 1))
+        mean, spread = sized_state(self.size, np.concatenate([position, np.zeros(2 * d)]), spread)
+        self._means = np.tile(mean, (count, 1))
         self._covariances = np.tile(spread, (count, 1, 1))
 
     @property
     def means(self) -> Array:
-        """State of each mode ``(3, 3d)``."""
+        """State of each mode ``(3, n)``."""
         return self._means
 
     @property
     def covariances(self) -> Array:
-        """Covariance of each mode ``(3, 3d, 3d)``."""
+        """Covariance of each mode ``(3, n, n)``."""
         return self._covariances
 
     def combined(self) -> tuple[Array, Array]:
-        """Mean ``(3d,)`` and covariance ``(3d, 3d)`` of the mixture."""
+        """Mean ``(n,)`` and covariance ``(n, n)`` of the mixture."""
         return mixed(self.probabilities, self._means, self._covariances)
 
     def models(self, step: ArrayLike) -> tuple[Array, Array]:
-        """Transition and noise of each mode over steps ``(...)`` in seconds: two ``(..., 3, 3d, 3d)``.
+        """Transition and noise of each mode over steps ``(...)`` in seconds: two ``(..., 3, n, n)``.
 
         The turn rate is that of the combined estimate.
         """
         d = self._means.shape[1] // 3
         state, _ = self.combined()
-        turn = turn_rate(state[d : 2 * d], state[2 * d :], self._turn_rate_max)
+        turn = turn_rate(state[d : 2 * d], state[2 * d : 3 * d], self._turn_rate_max)
         velocity, velocity_noise = constant_velocity(step, d)
         acceleration, acceleration_noise = constant_acceleration(step, d)
         transitions = np.zeros((*np.shape(step), len(MODES), 3 * d, 3 * d))
@@ -118,7 +130,7 @@ class InteractingMultipleModel:
         noises[..., 0, :, :] = STEADY_VARIANCE * np.eye(3 * d)
         noises[..., 1:, :, :] = self._jerk_noise * acceleration_noise[..., None, :, :]
         noises[..., ::2, : 2 * d, : 2 * d] += self._process_noise * velocity_noise[..., None, :, :]
-        return transitions, noises
+        return (transitions, noises) if self.size is None else with_constant(transitions, noises)
 
     def advance(self, step: float) -> None:
         """Mix the modes and predict each by a step in seconds."""
@@ -134,7 +146,10 @@ class InteractingMultipleModel:
 
         H ``(k, n)`` and the value ``(k,)`` may differ from mode to mode, with a leading axis.
         """
-        done = updated(self._means, self._covariances, observation, noise, value)
+        self.weigh(updated(self._means, self._covariances, observation, noise, value))
+
+    def weigh(self, done: Update) -> None:
+        """Take over the modes after a measurement, and their probabilities by its likelihood in each."""
         self._means, self._covariances = done.mean, done.covariance
         weights = self.probabilities * np.exp(done.log_likelihood - np.max(done.log_likelihood))
         # a mode that is never believed again could never come back
@@ -203,6 +218,9 @@ class ImmPseudoLinearTracker(ImmTracker):
         Variance of the position in m² on each axis where the prior knows nothing.
     """
 
+    takes: tuple[MeasurementKind, ...] = BEARINGS
+    """Kinds of measurements that it takes."""
+
     def __init__(
         self, prior: RangedPrior, models: InteractingMultipleModel, *, bearing_std: float, initial_variance: float
     ) -> None:
@@ -238,6 +256,9 @@ class ImmPositionTracker(ImmTracker):
     position_std
         σ_p in metres, of the measured position on each axis.
     """
+
+    takes: tuple[MeasurementKind, ...] = ("position",)
+    """Kinds of measurements that it takes."""
 
     def __init__(self, prior: RangedPrior, models: InteractingMultipleModel, *, position_std: float) -> None:
         if not position_std > 0.0:

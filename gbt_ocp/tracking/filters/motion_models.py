@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.typing import Array
 
 
@@ -43,6 +44,32 @@ def constant_acceleration(step: ArrayLike, dimension: int) -> tuple[Array, Array
     noise[..., 0, 2] = noise[..., 2, 0] = t**3 / 6.0
     noise[..., 1, 1] = t**3 / 3.0
     return _each_axis(transition, dimension), _each_axis(noise, dimension)
+
+
+def with_constant(transition: Array, noise: Array) -> tuple[Array, Array]:
+    """Transition and noise ``(..., n+1, n+1)`` of a state with a constant behind it."""
+    n = transition.shape[-1]
+    longer, calm = np.zeros((2, *transition.shape[:-2], n + 1, n + 1))
+    longer[..., :n, :n], calm[..., :n, :n] = transition, noise
+    longer[..., n, n] = 1.0
+    return longer, calm
+
+
+def sized_state(size: LogNormal | None, mean: Array, covariance: Array) -> tuple[Array, Array]:
+    """A state ``(..., n)`` and its covariance with the logarithm of the size behind it, where that is estimated."""
+    if size is None:
+        return mean, covariance
+    n = mean.shape[-1]
+    longer = np.zeros((*covariance.shape[:-2], n + 1, n + 1))
+    longer[..., :n, :n] = covariance
+    longer[..., n, n] = size.log_std**2
+    log_median = np.full((*mean.shape[:-1], 1), np.log(size.median))
+    return np.concatenate([mean, log_median], axis=-1), longer
+
+
+def size_estimate(size: LogNormal | None, mean: Array, covariance: Array) -> LogNormal | None:
+    """What a state ``(n,)`` that ends with the logarithm of the size knows of it."""
+    return None if size is None else LogNormal(float(np.exp(mean[-1])), float(np.sqrt(covariance[-1, -1])))
 
 
 def turn_rate(velocity: Array, acceleration: Array, limit: float) -> Array:

@@ -9,7 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.measurements import MeasurementKind
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
+from gbt_ocp.tracking.polar import BEARINGS
 from gbt_ocp.tracking.priors import RangedPrior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import checked_sample
@@ -45,6 +47,9 @@ class OrthogonalityTracker(RestartingTracker):
     ValueError
         If a gain is out of range.
     """
+
+    takes: tuple[MeasurementKind, ...] = BEARINGS
+    """Kinds of measurements that it takes."""
 
     def __init__(self, prior: RangedPrior, *, position_gain: float, velocity_gain: float = 0.0) -> None:
         if not position_gain > 0.0:

@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.models.bearings import tangent_basis
+from gbt_ocp.models.measurements import MeasurementKind
 from gbt_ocp.tracking.filters.kalman import predicted, updated
 from gbt_ocp.tracking.filters.motion_models import constant_velocity
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
+from gbt_ocp.tracking.polar import BEARINGS
 from gbt_ocp.tracking.priors import RangedPrior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import checked_sample
@@ -65,6 +67,9 @@ class PseudoLinearKalmanFilter(RestartingTracker):
     ValueError
         If a parameter is out of range.
     """
+
+    takes: tuple[MeasurementKind, ...] = BEARINGS
+    """Kinds of measurements that it takes."""
 
     def __init__(
         self,

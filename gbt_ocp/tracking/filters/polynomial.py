@@ -6,7 +6,9 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.measurements import MeasurementKind
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
+from gbt_ocp.tracking.polar import BEARINGS
 from gbt_ocp.tracking.priors import RangedPrior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import Window
@@ -47,6 +49,9 @@ class PolynomialRegression(RestartingTracker):
     ValueError
         If a parameter is out of range.
     """
+
+    takes: tuple[MeasurementKind, ...] = BEARINGS
+    """Kinds of measurements that it takes."""
 
     def __init__(self, prior: RangedPrior, *, window: int, span: float, order: int, ridge: float) -> None:
         if order < 0 or not (span > 0.0 and ridge > 0.0):

@@ -8,9 +8,11 @@ from typing import Generic, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.measurements import MeasurementKind
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.gp.breaks import Break, BreakWatch
 from gbt_ocp.tracking.gp.posterior import AnyPosterior
+from gbt_ocp.tracking.polar import BEARINGS
 from gbt_ocp.tracking.priors import PositionPrior
 from gbt_ocp.tracking.protocol import Forecast, JointForecast
 from gbt_ocp.tracking.window import Measurements, Window
@@ -48,6 +50,9 @@ class WindowedTracker(RestartingTracker, Generic[AnyPosterior]):
     ValueError
         If a parameter is out of range.
     """
+
+    takes: tuple[MeasurementKind, ...] = BEARINGS
+    """Kinds of measurements that it takes."""
 
     def __init__(
         self,

@@ -32,7 +32,7 @@ LARGEST_LOG_SPEED = float(np.log(30.0))
 NEAREST_SQUARED = 1.0
 """Square in m² of the range below which a component no longer tells directions apart."""
 
-STEEPEST = 0.05
+LEAST_COSINE = 0.05
 """Least cosine of an elevation: straight above the vehicle there is no azimuth."""
 
 CELL = (0.4, np.pi / 4.0)
@@ -187,7 +187,7 @@ def begun(prior: HeldTurnPrior, angles: Array, variance: float, ranges: int, lev
     spread[:, CHANGE] = speed[branch] ** 2
     if n == 8:
         means[:, ELEVATION] = angles[1]
-        spread[:, AZIMUTH] /= max(np.cos(angles[1]), STEEPEST) ** 2
+        spread[:, AZIMUTH] /= max(np.cos(angles[1]), LEAST_COSINE) ** 2
         spread[:, ELEVATION] = variance
         spread[:, CLIMB] = prior.climb_std**2
     covariances[:, np.arange(n), np.arange(n)] = spread
@@ -217,7 +217,7 @@ def advanced(prior: HeldTurnPrior, given: Components, step: float, moved: Array)
     if d == 3:
         place[:, 2] += step * m[:, CLIMB] - moved[2]
         slopes[:, 2, CLIMB] = step
-    level = np.maximum(place[:, 0] ** 2 + place[:, 1] ** 2, STEEPEST**2 * NEAREST_SQUARED)
+    level = np.maximum(place[:, 0] ** 2 + place[:, 1] ** 2, LEAST_COSINE**2 * NEAREST_SQUARED)
     square = np.maximum(np.sum(place**2, axis=1), NEAREST_SQUARED)
     keep = np.exp(-abs(step) / prior.speed_time)
     transition = np.zeros((len(m), n, n))
@@ -310,7 +310,7 @@ def corrected(given: Components, angles: Array, noise: Array) -> tuple[Component
     off = np.stack([_wrapped(angles[0] - m[:, AZIMUTH]), *(angles[1:] - m[:, seen[1:]]).T], axis=-1)
     gain = cov[:, :, seen]
     spread = gain[:, seen, :].copy()
-    spread[:, 0, 0] += noise if len(seen) == 1 else noise / np.maximum(np.cos(m[:, ELEVATION]), STEEPEST) ** 2
+    spread[:, 0, 0] += noise if len(seen) == 1 else noise / np.maximum(np.cos(m[:, ELEVATION]), LEAST_COSINE) ** 2
     if len(seen) == 2:
         spread[:, 1, 1] += noise
         determinant = spread[:, 0, 0] * spread[:, 1, 1] - spread[:, 0, 1] ** 2

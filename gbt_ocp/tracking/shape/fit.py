@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gbt_ocp.models.bearings import log_map, tangent_basis
 from gbt_ocp.tracking.linalg import cholesky_factors, inverses, solutions
 from gbt_ocp.tracking.shape.course import Course
+from gbt_ocp.tracking.shape.further import FurtherSightings
 from gbt_ocp.tracking.shape.motions import FLAT_ANGLE, Motions, MotionShape
 from gbt_ocp.typing import Array
 
@@ -68,6 +69,8 @@ class Sightings:
         log det R, ``(...)``, of one direction of the tangent plane.
     known
         Positions that are known beforehand, if any.
+    further
+        Measurements that are no bearings, if any.
     """
 
     times: Array
@@ -76,6 +79,7 @@ class Sightings:
     root: Array
     log_determinant: Array
     known: Known | None = None
+    further: FurtherSightings | None = None
 
     def of(self, which: NDArray[np.bool_]) -> Sightings:
         """What some of the B motions see."""
@@ -167,6 +171,7 @@ class _Misfit:
     angles: Array
     ranges: Array
     objective: Array
+    further: Array | None = None
 
 
 class _View:
@@ -176,6 +181,7 @@ class _View:
         self._shape, self._seen = shape, seen
         self._way = shape.way(seen.times)
         self._known_way = None if seen.known is None else shape.way(seen.known.times)
+        self._further_way = None if seen.further is None else shape.way(seen.further.times)
         self._slopes: Array | None = None
 
     def misfit(self, motions: Motions) -> _Misfit:
@@ -190,9 +196,13 @@ class _View:
         if seen.known is not None and self._known_way is not None:
             off = (seen.known.positions - course.positions_after(self._known_way)).reshape(len(motions), -1)
             rows = np.concatenate([rows, off @ seen.known.root.T], axis=1)
+        further = None
+        if seen.further is not None and self._further_way is not None:
+            residuals, further = seen.further.rows(course.positions_after(self._further_way))
+            rows = np.concatenate([rows, residuals], axis=1)
         objective = np.sum(rows**2, axis=1) + np.sum(motions.white**2, axis=1)
         across = np.swapaxes(basis, -1, -2) / ranges[..., None, None]
-        return _Misfit(course, across, rows, angles, ranges, objective)
+        return _Misfit(course, across, rows, angles, ranges, objective, further)
 
     def slopes(self, at: _Misfit) -> Array:
         """Derivatives of the predicted rows by the whitened coordinates ``(B, R, n)``; valid until the next ones."""
@@ -210,10 +220,14 @@ class _View:
             whole = seen.whitened(slopes[:, :bearings].reshape(count, times, -1))
             slopes[:, :bearings] = whole.reshape(count, bearings, -1)
         if seen.known is not None and self._known_way is not None:
-            known = slopes[:, bearings:]
+            known = slopes[:, bearings : bearings + seen.known.root.shape[0]]
             axes = np.broadcast_to(np.eye(d), (count, len(self._known_way), d, d))
             at.course.slopes_after(self._known_way, axes, known)
             known[:] = seen.known.root @ known
+        if seen.further is not None and self._further_way is not None and at.further is not None:
+            last = slopes[:, slopes.shape[1] - len(seen.further.times) :]
+            at.course.slopes_after(self._further_way, at.further[:, :, None, :], last)
+            last[:] = seen.further.root @ last
         return slopes
 
 
@@ -263,6 +277,9 @@ def fit(shape: MotionShape, motions: Motions, seen: Sightings, iterations: int) 
     directions = shape.dimension - 1
     rows = directions * len(seen.times)
     log_evidence = -0.5 * (objective + log_determinant + directions * seen.log_determinant + rows * np.log(2.0 * np.pi))
+    if seen.further is not None:
+        count = len(seen.further.times)
+        log_evidence = log_evidence - 0.5 * (seen.further.log_determinant + count * np.log(2.0 * np.pi))
     residuals = best.rows[:, :rows].reshape(len(motions), len(seen.times), directions)
     return LaplaceFit(motions, inverses(factors), log_evidence, residuals, best.angles, best.ranges, taken)
 
@@ -281,6 +298,7 @@ def _either(which: NDArray[np.bool_], new: _Misfit, old: _Misfit) -> _Misfit:
     def chosen(a: Array, b: Array) -> Array:
         return np.asarray(np.where(which.reshape(-1, *(1,) * (a.ndim - 1)), a, b))
 
+    # the course and what is made of it stay behind, for the slopes have been made
     return _Misfit(
         new.course,
         new.across,

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Literal
+from functools import cached_property, partial
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +100,7 @@ class MotionShape:
         self.dimension = dimension
         self.prior = prior
         self.grid = prior.grid()
+        self._span = span
         self._knot = knot
         self._steps = steps
         heads = dimension + (2 if dimension == 2 else 3)
@@ -115,6 +116,11 @@ class MotionShape:
         """n, number of whitened coordinates."""
         self._past = operators(prior, knot, steps, slow, 0)
         self._ahead: dict[int, Operators] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # all that it holds follows from these, and is large
+        again = partial(MotionShape, span=self._span, knot=self._knot, steps=self._steps)
+        return again, (self.dimension, self.prior)
 
     @property
     def longest_ahead(self) -> float:

@@ -13,13 +13,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gbt_ocp.models.bearings import log_map, tangent_basis
+from gbt_ocp.models.measurements import MeasurementKind, Sighting
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
+from gbt_ocp.tracking.decomposed import SingleNumbers, parts_of
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.noise import BearingNoise
-from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.polar import ALL_KINDS, WITHOUT_SIZE, checked_sighting
+from gbt_ocp.tracking.priors import LogNormal, PositionPrior
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, WeighedForecasts, relative_range_std
 from gbt_ocp.tracking.shape.fit import Known, Sightings, fit, sightings_root
+from gbt_ocp.tracking.shape.further import further_sightings
+from gbt_ocp.tracking.shape.gate import gated
 from gbt_ocp.tracking.shape.hypotheses import MotionHypotheses, MotionHypothesis, cold_starts, competed
 from gbt_ocp.tracking.shape.memory import TrackMemory, precision_root
 from gbt_ocp.tracking.shape.moments import NodeMoments, moments_ahead, moments_behind, moments_now
@@ -65,6 +69,8 @@ class MotionShapeTracker(RestartingTracker):
         :class:`~gbt_ocp.tracking.bins.BearingBins`); infinity trusts all of them.
     position
         What is known of the position at the first bearing; by default nothing, with the vehicle at the origin.
+    size
+        The true size of the target in metres, if angular sizes are measured.
 
     Attributes
     ----------
@@ -72,6 +78,8 @@ class MotionShapeTracker(RestartingTracker):
         The bearings of the window.
     restarts
         How often the track was lost and begun again.
+    takes
+        Kinds of measurements that :meth:`take` takes.
 
     Raises
     ------
@@ -95,6 +103,7 @@ class MotionShapeTracker(RestartingTracker):
         iterations: int = 3,
         gate: float = np.inf,
         position: PositionPrior | None = None,
+        size: LogNormal | None = None,
     ) -> None:
         if not (update >= 0.0 and hypotheses >= 1 and iterations >= 1 and gate > 0.0 and memory > 0.0):
             raise ValueError(
@@ -118,13 +127,16 @@ class MotionShapeTracker(RestartingTracker):
         self._gate = gate
         self._remembers = np.isfinite(memory)
         self._memory = TrackMemory(memory, span)
-        self._gaps = Gaps(span=window)
+        self._gaps, self._size = Gaps(span=window), size
+        self._others = SingleNumbers(bin_width)
+        self.takes: tuple[MeasurementKind, ...] = WITHOUT_SIZE if size is None else ALL_KINDS
         self.restarts = 0
         self._begin(PositionPrior(np.zeros(dimension)) if position is None else position)
 
     def _begin(self, position: PositionPrior) -> None:
         self.bins.clear()
         self._memory.clear()
+        self._others.clear()
         self._position = position
         self._own = position.start
         self._first: float | None = None
@@ -140,8 +152,6 @@ class MotionShapeTracker(RestartingTracker):
     def _restart(self, own: Array) -> None:
         self._begin(self._position.elsewhere(own))
 
-    # ---- bearings in ------------------------------------------------------------------------------------------------
-
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """Take in a bearing ``(d,)`` measured at ``own_position`` ``(d,)``; estimate again when it is time.
 
@@ -151,35 +161,50 @@ class MotionShapeTracker(RestartingTracker):
             If numbers are not finite, the bearing is no unit vector, or time does not increase; the tracker is then
             unchanged.
         """
-        t = float(time)
-        b, own = self.bins.checked(t, bearing, own_position)
-        if self._gaps.ended(t):
-            self._restart(own)
-        expected, suspect = self._expected(t, b, own)
-        self.bins.append(t, b, own, expected=expected, suspect=suspect)
-        if self._first is None:
-            self._first = t
-        if self._found is None or t - self._now >= self._update - 1e-9:
-            self._estimate(t, own)
+        self._seen(float(time), *self.bins.checked(float(time), bearing, own_position))
 
-    def _expected(self, time: float, bearing: Array, own: Array) -> tuple[Array | None, bool]:
+    def take(self, sighting: Sighting) -> None:
+        """Take in a measurement of any kind in :attr:`takes`, with its own noise, at or after the latest time.
+
+        Measurements that are no bearings count from the first bearing of the window on.
+
+        Raises
+        ------
+        ValueError
+            If the kind is not taken or the measurement is out of order; the tracker is then unchanged.
+        """
+        times = [self.bins.latest, self._others.latest]
+        latest = max([time for time in times if time is not None], default=None)
+        checked_sighting(sighting, self.takes, "motion_gp", self.dimension, latest)
+        parts = parts_of(sighting, self._noise.std)
+        if parts.bearing is not None:
+            weight = 1.0 if np.isnan(parts.std) else (self._noise.std / parts.std) ** 2
+            self._seen(sighting.time, parts.bearing, sighting.position, weight, parts.singles)
+            return
+        self._others.extend(parts.singles)
+        if self._found is not None and sighting.time - self._now >= self._update - 1e-9:
+            self._estimate(sighting.time, sighting.position)
+
+    def _seen(
+        self, time: float, bearing: Array, own: Array, weight: float = 1.0, singles: Sequence[Sighting] = ()
+    ) -> None:
+        """Take in a bearing that is worth so many of the configured noise, and what came with it."""
+        if self._gaps.ended(time):
+            self._restart(own)
+        self._others.extend(singles)
+        expected, suspect = self._expected(time, bearing, own, weight)
+        self.bins.append(time, bearing, own, expected=expected, suspect=suspect, weight=weight, same_time=True)
+        self._others.forget_before(self.bins.begins)
+        if self._first is None:
+            self._first = time
+        if self._found is None or time - self._now >= self._update - 1e-9:
+            self._estimate(time, own)
+
+    def _expected(self, time: float, bearing: Array, own: Array, weight: float) -> tuple[Array | None, bool]:
         """Direction in which the target is expected ``(d,)``, and whether a bearing lies beyond the gate from it."""
         if self._found is None or not np.isfinite(self._gate):
             return None, False
-        mean, covariance = (values[0] for values in self.predict([time]))
-        line = mean - own
-        distance = float(np.linalg.norm(line))
-        if not distance > 0.0:
-            return None, False
-        unit = line / distance
-        basis = tangent_basis(unit)
-        angle = log_map(unit, bearing, basis)
-        n = self._noise
-        single = n.std**2 + n.correlated_std**2 + (n.own_std / distance) ** 2
-        spread = basis.T @ covariance @ basis / distance**2 + single * np.eye(self.dimension - 1)
-        return unit, bool(angle @ np.linalg.solve(spread, angle) > self._gate**2)
-
-    # ---- estimating -------------------------------------------------------------------------------------------------
+        return gated(self.predict([time]), bearing, own, self._noise, weight, self._gate)
 
     def _estimate(self, now: float, own: Array) -> None:
         means, found = self.bins.means(), self._found
@@ -223,7 +248,9 @@ class MotionShapeTracker(RestartingTracker):
             position, spread = self._position.known
             known = Known(np.array([self._first]), position[None], precision_root(spread))
         seen = None if known is None else known.seen_from(self._now, self._own)
-        return Sightings(times, means.bearings, own, root, log_determinant, seen)
+        others = [one for one in self._others if one.time <= self._now]
+        further = further_sightings(others, self._size, self._now, self._own)
+        return Sightings(times, means.bearings, own, root, log_determinant, seen, further)
 
     def _check(self, found: MotionHypotheses) -> None:
         """Reset test: bearings that no motion of the prior explains mean that the track is lost."""
@@ -236,8 +263,6 @@ class MotionShapeTracker(RestartingTracker):
             self._memory.clear()
             self.bins.forget_before(self._now - 0.4 * self.bins.window)
             self._estimate(self._now, self._own)
-
-    # ---- what is known ----------------------------------------------------------------------------------------------
 
     @property
     def estimated_at(self) -> float:

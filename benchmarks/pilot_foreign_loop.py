@@ -1,0 +1,181 @@
+"""A foreign loop through the pilot (its own integrator and clock, late bearings, two sensors) against the built-in one.
+
+python benchmarks/pilot_foreign_loop.py [--seeds 20] [--seconds 180] [--problem sea2d]
+
+The target, the vehicle's start and the number of bearings are those of the built-in loop. Navigations and commands come
+at random intervals, a third of the bearings late by up to a second. One of the two sensors counts its angles from the
+bow, where it is mounted. The vehicle is integrated by a Runge-Kutta method of its own under the thrust of the commands.
+"""
+
+from __future__ import annotations
+
+import argparse
+import heapq
+import math
+import os
+import warnings
+from collections.abc import Callable
+from time import perf_counter, process_time
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+import numpy as np
+
+import gbt_ocp as gbt
+from gbt_ocp.experiments.build.loop import Streams, build_start, build_target, build_vehicle
+from gbt_ocp.models import Mounting
+
+SETTLING_S = 60.0
+"""Time in s from which errors count."""
+
+INTERVALS = {"navigate": (0.01, 0.03), "command": (0.01, 0.03), "mast": (0.1, 0.3), "bow": (0.1, 0.3)}
+"""Shortest and longest time in s between two events of a kind; two sensors at 5 Hz make the 10 Hz of one, and thrust is
+asked for at the least rate of a follower, 50 Hz."""
+
+LATE_SHARE, LATE_S = 0.3, 1.0
+"""Share of bearings that come late, and by how much at most, in s."""
+
+NOISE_RAD, MISSED = math.radians(1.0), 0.05
+"""Of both sensors, as in sea2d."""
+
+BOW = Mounting((1.5, 0.0))
+"""Where the sensor at the bow sits, forward and to port in m."""
+
+
+class Clock:
+    """Processor time spent in the parts of a loop, and in the pilot around them.
+
+    Parameters
+    ----------
+    pilot
+        Its parts are wrapped.
+    """
+
+    def __init__(self, pilot: gbt.Pilot) -> None:
+        self.inside = self.outside = 0.0
+        self.calls = 0
+        piloting = pilot._piloting
+        for owner, name in ((piloting._online, "take"), (piloting._online, "decide"), (piloting._follower, "thrust")):
+            setattr(owner, name, self._inner(getattr(owner, name)))
+
+    def _inner(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        def timed(*arguments: Any) -> Any:
+            began = process_time()
+            try:
+                return function(*arguments)
+            finally:
+                self.inside += process_time() - began
+
+        return timed
+
+    def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Call the pilot."""
+        began = process_time()
+        found = function(*arguments)
+        self.outside += process_time() - began
+        self.calls += 1
+        return found
+
+    @property
+    def overhead(self) -> float:
+        """Seconds a call that the pilot takes beside the parts."""
+        return (self.outside - self.inside) / self.calls
+
+
+def runge_kutta(rates: Callable[[Any], Any], state: Any, duration: float, step: float = 0.02) -> Any:
+    """The state after ``duration`` seconds: the classical method of fourth order."""
+    count = max(1, math.ceil(duration / step))
+    h = duration / count
+    for _ in range(count):
+        a = rates(state)
+        b = rates(state + 0.5 * h * a)
+        c = rates(state + 0.5 * h * b)
+        d = rates(state + h * c)
+        state = state + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+    return state
+
+
+def foreign(configuration: gbt.Configuration, seed: int, seconds: float) -> tuple[float, float, gbt.Pilot]:
+    """Mean error over the range from the settling time on, seconds of overhead a call, and the pilot at the end."""
+    rng, streams = np.random.default_rng([seed, 19]), Streams.of(configuration.seed)
+    vehicle, target = build_vehicle(configuration), build_target(configuration, streams.target)
+    start = build_start(configuration, vehicle, streams.start, target.position(0.0))
+    state, thrust, time = vehicle.state(start[0], start[1]), np.zeros(len(vehicle.thrust_max)), 0.0
+    pilot = gbt.Pilot(configuration)
+    clock = Clock(pilot)
+    events: list[tuple[float, int, str, Any]] = [(0.0, 0, "navigate", None), (0.001, 1, "command", None)]
+    events += [(0.002, 2, "mast", None), (0.05, 3, "bow", None)]
+    errors, number = [], len(events)
+    while events[0][0] <= seconds:
+        event, _, kind, measurement = heapq.heappop(events)
+        state = runge_kutta(lambda x, held=thrust: vehicle.rates(x, held), state, event - time)
+        time = event
+        pose, truth = vehicle.pose(state), target.position(time)
+        if kind == "arrival":
+            clock.call(pilot.measure, measurement)
+            continue
+        if kind == "navigate":
+            clock.call(pilot.navigate, time, pose, vehicle.velocity(state))
+        elif kind == "command":
+            command = clock.call(pilot.command, time)
+            thrust = command.thrust
+            if command.forecast is not None and time >= SETTLING_S:
+                place = (time - command.times[0]) / (command.times[1] - command.times[0])
+                mean = (1.0 - place) * command.forecast.mean[0] + place * command.forecast.mean[1]
+                errors.append(np.linalg.norm(mean - truth) / np.linalg.norm(truth - pose[:2]))
+        elif rng.random() >= MISSED:
+            late = rng.uniform(0.0, LATE_S) if rng.random() < LATE_SHARE else 0.0
+            angle = NOISE_RAD * rng.standard_normal()
+            if kind == "mast":
+                line = truth - pose[:2]
+                found = gbt.Measurement(time, "azimuth", math.atan2(line[1], line[0]) + angle, NOISE_RAD, "mast")
+            else:
+                c, s = math.cos(pose[2]), math.sin(pose[2])
+                line = truth - pose[:2] - BOW.position[0] * np.array([c, s])
+                azimuth = math.atan2(line[1], line[0]) - pose[2] + angle
+                found = gbt.Measurement(time, "azimuth", azimuth, NOISE_RAD, "bow", "bow", BOW)
+            number += 1
+            heapq.heappush(events, (time + late, number, "arrival", found))
+        number += 1
+        heapq.heappush(events, (time + rng.uniform(*INTERVALS[kind]), number, kind, None))
+    return float(np.mean(errors)), clock.overhead, pilot
+
+
+def built_in(configuration: gbt.Configuration) -> float:
+    """The same error of the built-in loop."""
+    history = gbt.run(configuration).history
+    distance = np.linalg.norm(history.target - history.vehicle_pose[:, :2], axis=1)
+    return float(np.mean((history.error[:, 0] / distance)[history.t >= SETTLING_S]))
+
+
+def main() -> None:
+    """Print a line a seed, then the ratio of the mean errors and the overhead."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--seconds", type=float, default=180.0)
+    parser.add_argument("--problem", default="sea2d")
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore")
+    rows = []
+    for seed in range(arguments.seeds):
+        configuration = gbt.load_config(arguments.problem, [f"duration_s={arguments.seconds}"], seed=seed)
+        began = perf_counter()
+        inside = built_in(configuration)
+        between = perf_counter()
+        outside, overhead, pilot = foreign(configuration, seed, arguments.seconds)
+        rows.append((inside, outside, overhead))
+        health = pilot._piloting._health(arguments.seconds)
+        print(
+            f"seed {seed}: built-in {inside:.4f}, foreign {outside:.4f} of the range; overhead {1e6 * overhead:.1f} us "
+            f"a call; {between - began:.0f} and {perf_counter() - between:.0f} s; {dict(health.received)}",
+            flush=True,
+        )
+    means = np.mean(rows, axis=0)
+    print(
+        f"{len(rows)} seeds: built-in {means[0]:.4f}, foreign {means[1]:.4f}, ratio {means[1] / means[0]:.3f}; "
+        f"overhead {1e6 * means[2]:.1f} us a call"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,118 @@
+"""The limits of the thrust, and its effort."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import casadi as ca
+import numpy as np
+
+from gbt_ocp.models.thrust import ThrustRange
+from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.ocp.trajectory import FlatPoint
+from gbt_ocp.typing import Array
+
+
+@dataclass(frozen=True)
+class ThrustLimit:
+    """``τ_min <= τ <= τ_max`` on every input of the vehicle (``eq29c``); τ_min is -τ_max where it is not given.
+
+    Parameters
+    ----------
+    vehicle
+        Whose inputs are limited.
+    gamma
+        γ in (0, 1]: the solver is held to γ τ_max (``eq35``).
+    units
+        ``normalised``: the thrust over its limit; ``newton``: as the paper prints it, which makes the kink of the
+        penalty so narrow that Newton's method stalls on it.
+
+    Raises
+    ------
+    ValueError
+        If γ lies outside (0, 1] or the units are unknown.
+    """
+
+    name: ClassVar[str] = "thrust"
+
+    vehicle: Vehicle
+    gamma: float = 1.0
+    units: Literal["normalised", "newton"] = "normalised"
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.gamma <= 1.0:
+            raise ValueError(f"gamma must lie in (0, 1], found {self.gamma}")
+        if self.units not in ("normalised", "newton"):
+            raise ValueError(f"units must be 'normalised' or 'newton', found {self.units!r}")
+
+    @property
+    def upper(self) -> Array:
+        """The limits ``(m,)``: ones, or newtons."""
+        limit = self.vehicle.thrust_max
+        return limit.copy() if self.units == "newton" else np.ones_like(limit)
+
+    @property
+    def lower(self) -> Array:
+        """τ_min ``(m,)`` in the same units: minus ones, unless the limits differ by sign."""
+        lower = ThrustRange.of(self.vehicle).lower
+        return lower.copy() if self.units == "newton" else lower / self.vehicle.thrust_max
+
+    @property
+    def backoff(self) -> Array:
+        """``(1 - γ)`` of the limit, of the smaller one where they differ by sign."""
+        return (1.0 - self.gamma) * np.minimum(self.upper, -self.lower)
+
+    @property
+    def scale(self) -> Array:
+        """Violations are reported in units of the limit."""
+        return self.upper
+
+    def value(self, point: FlatPoint) -> Any:
+        """Thrust, over its limit or in newtons."""
+        thrust = self.vehicle.inputs(*point)
+        return thrust if self.units == "newton" else thrust / ca.DM(self.vehicle.thrust_max)
+
+
+@dataclass(frozen=True)
+class ThrustEffort:
+    """The effort ``Σ(τ_i/τ_max,i)²``, as a penalty that is never zero.
+
+    ``problem.subject_to_penalty(ThrustEffort(vehicle), weight=4 w, width=2, nodes=n)`` takes
+    ``w ∫ (Σ(τ_i/τ_max,i)² + m) dt`` off the objective: with that half width the smoothed penalties of ``x <= 1`` and of
+    ``-x <= 1`` add up to ``(x² + 1)/4`` for all ``|x| <= 1``.
+
+    Parameters
+    ----------
+    vehicle
+        Whose inputs are weighed.
+    """
+
+    name: ClassVar[str] = "effort"
+    WIDTH: ClassVar[float] = 2.0
+
+    vehicle: Vehicle
+
+    @property
+    def upper(self) -> Array:
+        """Ones ``(m,)``."""
+        return np.ones_like(self.vehicle.thrust_max)
+
+    @property
+    def lower(self) -> Array:
+        """Minus ones ``(m,)``, whatever the range of the inputs: the effort is the same in both senses."""
+        return -self.upper
+
+    @property
+    def backoff(self) -> Array:
+        """None ``(m,)``."""
+        return np.zeros_like(self.upper)
+
+    @property
+    def scale(self) -> Array:
+        """Ones ``(m,)``."""
+        return self.upper
+
+    def value(self, point: FlatPoint) -> Any:
+        """Thrust over its limit."""
+        return self.vehicle.inputs(*point) / ca.DM(self.vehicle.thrust_max)

@@ -1,0 +1,78 @@
+"""What a pilot answers when it is asked for a command."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gbt_ocp.guidance.strategy import Placement
+from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.ocp.plan import Plan, ShootingPlan
+from gbt_ocp.pilot.online_loop import Decided
+from gbt_ocp.pilot.pilot_health import PilotHealth
+from gbt_ocp.pilot.setpoint import Setpoint, setpoint_of
+from gbt_ocp.tracking.protocol import Forecast
+from gbt_ocp.typing import Array
+
+
+@dataclass(frozen=True)
+class PilotCommand:
+    """What the vehicle is to do from a time on, and what is known of the target.
+
+    Attributes
+    ----------
+    time
+        In seconds.
+    thrust
+        Inputs in the body frame to hold until the next command, within their limits ``(m,)``: forces in N, moment in
+        N m. ``None`` where the guidance asks for a place and not for thrust.
+    range_known
+        Whether the deviation of the range is below a quarter of the range.
+    health
+        See :class:`~gbt_ocp.pilot.PilotHealth`.
+    decided
+        The last step of the online loop; ``None`` before the first navigation.
+    vehicle
+        The model.
+    lead
+        How far ahead on the plan the setpoint is taken, in seconds.
+    """
+
+    time: float
+    thrust: Array | None
+    range_known: bool
+    health: PilotHealth
+    decided: Decided | None
+    vehicle: Vehicle
+    lead: float
+
+    @property
+    def plan(self) -> Plan | ShootingPlan | None:
+        """The plan that is followed; ``None`` where the guidance made none."""
+        return None if self.decided is None else self.decided.plan
+
+    @property
+    def forecast(self) -> Forecast | None:
+        """Posterior of the target's position ``(n+1, d)`` and ``(n+1, d, d)`` at :attr:`times`."""
+        return None if self.decided is None else self.decided.forecast
+
+    @property
+    def times(self) -> Array:
+        """Times of the forecast in seconds ``(n+1,)``; the first is that of the last decision."""
+        return np.zeros(0) if self.decided is None else self.decided.times
+
+    @cached_property
+    def setpoint(self) -> Setpoint | None:
+        """Where the vehicle should be :attr:`lead` after :attr:`time`; ``None`` where only thrust is asked for."""
+        if self.decided is None:
+            return None
+        decision, end = self.decided.decision, self.time + self.lead
+        if isinstance(decision, Placement):
+            pose = np.append(decision.position, 0.0)
+            return Setpoint(end, pose, np.zeros_like(pose))
+        if not isinstance(decision, Plan):
+            return None
+        since = decision.elapsed + (self.time - self.decided.time) + self.lead
+        return setpoint_of(decision, self.vehicle, since, end)

@@ -1,0 +1,136 @@
+"""How a pilot is: what the planner said, how old its inputs are, and whether the track is lost."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gbt_ocp.models.measurements import Sighting
+from gbt_ocp.pilot.own_track import Received
+from gbt_ocp.tracking.disagreement import LEAST_COUNT, MANY_TIMES
+from gbt_ocp.tracking.polar import is_bearing
+from gbt_ocp.tracking.protocol import Forecast
+from gbt_ocp.typing import Array
+
+LOST_DIRECTION = 0.5
+"""Deviation in radians of the direction to the target above which a track counts as lost."""
+
+LEAST_ANGLE_STD = math.radians(0.3)
+"""Least deviation in radians that counts as noise: lines of sight bend by so much between bearings."""
+
+NOTES = {
+    "no navigation": "nothing was navigated yet; the thrust is zero",
+    "navigation old": "the last navigation is older than pilot.navigation_gap_s",
+    "time stepped back": "a command was asked for at a time before the last one, which is given again",
+    "no bearing": "the tracker has taken no measurement yet",
+    "track lost": "bearings and forecast disagree, or the direction to the target is not known",
+    "forecast held": "the tracker's forecast was not finite; the last finite one is used",
+    "fallback": "the first solve of the last plan failed; `fallback` says what is followed instead",
+    "given up": "the plan does not keep all limits; `given_up` says which, and by how much",
+}
+"""What each note of a pilot's health says."""
+
+
+@dataclass(frozen=True)
+class PilotHealth:
+    """How a pilot is at a time.
+
+    Attributes
+    ----------
+    notes
+        What is not as it should be; keys of :data:`NOTES`, none if all is well.
+    planner
+        Status of the last plan: ``solved``, ``given up``, or the word for what happened to the first attempt; empty
+        before the first plan, and for a guidance that does not plan.
+    fallback
+        What is followed where the first attempt failed; see :attr:`gbt_ocp.ocp.plan.Plan.fallback`.
+    given_up, broken_at_start
+        Limits that the last plan does not keep, by name, with their worst violation in units of the limit.
+    bearing_age
+        Seconds since the last measurement that the tracker took; infinite before the first.
+    navigation_age
+        Seconds since the last navigation; infinite before the first, 0 if that is later.
+    track_lost
+        Whether a quarter of the last 20 bearings are off by more than six times what noise and forecast explain, or
+        the deviation of the direction to the target is above 0.5 rad.
+    waiting
+        Measurements that wait for a navigation that is not older than they are.
+    received
+        How often each answer other than ``taken`` was given, by answer.
+    new_tracks
+        How often the tracker began a new track after a long gap.
+    """
+
+    notes: tuple[str, ...]
+    planner: str = ""
+    fallback: str = ""
+    given_up: Mapping[str, float] = field(default_factory=dict)
+    broken_at_start: Mapping[str, float] = field(default_factory=dict)
+    bearing_age: float = math.inf
+    navigation_age: float = math.inf
+    track_lost: bool = False
+    waiting: int = 0
+    received: Mapping[Received, int] = field(default_factory=dict)
+    new_tracks: int = 0
+
+    @property
+    def ok(self) -> bool:
+        """Whether there are no notes."""
+        return not self.notes
+
+
+class TrackWatch:
+    """Compares bearings with what was forecast of them.
+
+    Parameters
+    ----------
+    bearing_std
+        Deviation in radians of bearings that do not state one.
+    """
+
+    def __init__(self, bearing_std: float) -> None:
+        self._std = max(bearing_std, LEAST_ANGLE_STD)
+        self._off: deque[bool] = deque(maxlen=LEAST_COUNT)
+        self._times: list[float] = []
+        self._forecast: Forecast | None = None
+        self.vague = False
+
+    @property
+    def lost(self) -> bool:
+        """Whether the track is lost."""
+        return self.vague or (len(self._off) == LEAST_COUNT and 4 * sum(self._off) > LEAST_COUNT)
+
+    def forecast(self, times: Array, forecast: Forecast, own: Array) -> None:
+        """Take note of a forecast at the times ``(K,)``, made at an own position ``(d,)``."""
+        self._times, self._forecast = times.tolist(), forecast
+        line = forecast.mean[0] - own
+        self.vague = _spread(line, forecast.covariance[0]) > LOST_DIRECTION**2
+
+    def see(self, sighting: Sighting) -> None:
+        """Compare a bearing with the last forecast; other kinds, and times that it does not reach, say nothing."""
+        times, forecast = self._times, self._forecast
+        if forecast is None or not is_bearing(sighting) or len(times) < 2 or not times[0] <= sighting.time <= times[-1]:
+            return
+        place = (sighting.time - times[0]) / (times[1] - times[0])
+        index = min(int(place), len(times) - 2)
+        share = place - index
+        line = (1.0 - share) * forecast.mean[index] + share * forecast.mean[index + 1] - sighting.position
+        spread = _spread(line, forecast.covariance[index])
+        if math.isfinite(spread):
+            across = float(line @ sighting.bearing) / math.sqrt(float(line @ line))
+            angle = math.acos(min(max(across, -1.0), 1.0))
+            std = self._std if math.isnan(sighting.std[0]) else max(float(sighting.std[0]), LEAST_ANGLE_STD)
+            self._off.append(angle**2 > MANY_TIMES**2 * (spread + std**2))
+
+
+def _spread(line: Array, covariance: Array) -> float:
+    """Variance in rad² of the direction of a line ``(d,)``, the mean over its axes; NaN where it is not known."""
+    square = float(line @ line)
+    if not square > 0.0:
+        return math.nan
+    along = float(line @ covariance @ line) / square
+    return (float(np.trace(covariance)) - along) / (line.size - 1) / square

@@ -1,0 +1,150 @@
+"""Thrust limits that differ by sign, energy and effort."""
+
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import gbt_ocp as gbt
+from gbt_ocp.experiments.build.loop import build_vehicle
+from gbt_ocp.experiments.config.faults import ConfigurationError
+from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.models import KNOWN_VEHICLES, FossenVehicle, PlanarPointMass
+from gbt_ocp.models.thrust import ThrustRange
+from gbt_ocp.ocp import ThrustEffort, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp.braking import BrakingPlanner
+from gbt_ocp.ocp.transcription import smoothed_hinge
+from gbt_ocp.simulation.effort import effort_numbers
+
+
+class Nearness:
+    """Minus the square of the distance from a goal."""
+
+    shapes: ClassVar = {"goal": (2, 1)}
+
+    def value(self, point, parameters):
+        return -ca.sumsqr(point.z[:2] - parameters["goal"])
+
+    def bind(self, pieces, data):
+        return {"goal": np.tile(np.reshape(data["goal"], (2, 1)), (pieces, 1, 1))}
+
+
+def test_a_range_clips_and_measures_each_side():
+    limits = ThrustRange(np.array([-1.0, -4.0]), np.array([2.0, 4.0]))
+    np.testing.assert_allclose(limits.clip([-3.0, 9.0]), [-1.0, 4.0])
+    np.testing.assert_allclose(limits.clip([-3.0, 9.0], 0.5), [-0.5, 2.0])
+    np.testing.assert_allclose(limits.used([[-3.0, 2.0], [1.0, -6.0]]), [[3.0, 0.5], [0.5, 1.5]])
+    np.testing.assert_allclose(ThrustRange.of(PlanarPointMass(thrust_max=(1.0, 2.0))).lower, [-1.0, -2.0])
+
+
+@pytest.mark.parametrize("name", KNOWN_VEHICLES)
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_known_vehicles_move_at_the_speed_at_which_drag_takes_their_thrust(name, dimension):
+    vehicle = KNOWN_VEHICLES[name].make(dimension)
+    thrust = np.zeros(dimension + 1)
+    thrust[0] = vehicle.thrust_max[0]
+    end = solve_ivp(lambda t, x: vehicle.rates(x, thrust), (0.0, 120.0), np.zeros(2 * dimension + 2), rtol=1e-8)
+    parameters = vehicle.parameters
+    linear, quadratic = parameters.linear_drag[0], parameters.quadratic_drag[0]
+    top = (-linear + np.sqrt(linear**2 + 4.0 * quadratic * thrust[0])) / (2.0 * quadratic)
+    assert end.y[dimension + 1, -1] == pytest.approx(top, rel=1e-3)
+    assert 0.5 < top < 5.0
+
+
+@pytest.mark.parametrize("solver", ["ipopt", "compiled"])
+def test_plans_keep_limits_that_differ_by_sign(solver):
+    known = KNOWN_VEHICLES["bluerov2_heavy"]
+    vehicle = FossenVehicle(known.plane, (100.0, 100.0, 30.0), (-30.0, -50.0, -30.0))
+    problem = TrajectoryProblem(vehicle, pieces=6, period=0.4).maximize(Nearness())
+    planner = problem.subject_to(ThrustLimit(vehicle), nodes=16).compile(solver)
+    start = np.zeros((2, 3))
+    ahead, astern = planner.solve(start, goal=(9.0, 0.0)), planner.solve(start, goal=(-9.0, 0.0))
+    go, back = (
+        [float(vehicle.inputs(*map(ca.DM, p))[0]) for p in _points(plan.trajectory)] for plan in (ahead, astern)
+    )
+    assert 95.0 < max(go) <= 100.2
+    assert -30.2 <= min(back) < -28.0  # a little more between the nodes
+    assert max(back) <= 100.2
+
+
+def _points(trajectory):
+    z, dz, ddz = trajectory.sample(9)[:3]
+    return [(z[i, k], dz[i, k], ddz[i, k]) for i in range(len(z)) for k in range(9)]
+
+
+def test_braking_and_commands_keep_to_the_range_of_each_side():
+    vehicle = FossenVehicle(KNOWN_VEHICLES["bluerov2_heavy"].plane, (100.0, 100.0, 30.0), (-20.0, -100.0, -30.0))
+    problem = TrajectoryProblem(vehicle, pieces=3, period=0.5).maximize(Nearness()).subject_to(ThrustLimit(vehicle))
+    trajectory = BrakingPlanner(problem)(np.array([[0.0, 0.0, 0.0], [0.8, 0.0, 0.0]]))
+    surge = [float(vehicle.inputs(*map(ca.DM, point))[0]) for point in _points(trajectory)]
+    assert -20.2 <= min(surge) < -10.0  # a symmetric limit would brake with up to 100 N
+    assert trajectory.knots[-1, 1, 0] < 0.5
+
+
+def test_the_effort_is_the_parabola_that_it_says():
+    x = np.linspace(-1.0, 1.0, 21)
+    both = [float(smoothed_hinge(ca.DM(v - 1.0), 2.0) + smoothed_hinge(ca.DM(-v - 1.0), 2.0)) for v in x]
+    np.testing.assert_allclose(both, (x**2 + 1.0) / 4.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("solver", ["ipopt", "compiled"])
+def test_effort_is_weighed_against_the_objective(solver):
+    """A unit mass one second from a goal at x: minimise (x - g)² + w∫a²; held acceleration moves it by a/2."""
+    vehicle = PlanarPointMass(mass=1.0, thrust_max=(10.0, 10.0))
+    weight, goal = 3.0, 1.0
+    problem = TrajectoryProblem(vehicle, pieces=1, period=1.0).maximize(Nearness())
+    problem = problem.subject_to_penalty(ThrustEffort(vehicle), weight=4.0 * weight, width=ThrustEffort.WIDTH, nodes=2)
+    options = {"compiled": {"tolerance": 1e-9, "gap": 1e-9}} if solver == "compiled" else {}
+    plan = problem.compile(solver, options.get(solver, {})).solve(np.zeros((2, 2)), goal=(goal, 0.0))
+    # d/da of (a/2 - g)² + w (a/10)²
+    wanted = (goal / 1.0) / (0.5 + 2.0 * weight / 100.0)
+    assert plan.trajectory.sample(2)[2][0, 0, 0] == pytest.approx(wanted, rel=1e-5)
+
+
+@pytest.fixture(scope="module")
+def moved():
+    return {
+        follow: gbt.run("case2", overrides=["duration_s=2", f"vehicle.follow={follow}"], seed=3)
+        for follow in ("exact", "dynamics")
+    }
+
+
+def test_energy_is_the_work_along_the_path(moved):
+    """Of the recorded states and thrusts alone: Σ|τν| by the trapezoidal rule, coarser than what is recorded."""
+    run = moved["exact"]
+    power = np.sum(np.abs(run.history.thrust * run.history.vehicle_velocity), axis=1)
+    assert run.summary["energy_j"] == pytest.approx(np.sum(power[:-1]) * 0.1, rel=0.2)
+    assert moved["dynamics"].summary["energy_j"] == pytest.approx(run.summary["energy_j"], rel=0.05)
+    assert run.summary["power_mean_w"] == pytest.approx(run.summary["energy_j"] / 2.0)
+
+
+def test_reversals_and_hotel_load_are_counted(moved):
+    history = moved["exact"].history
+    wave = np.zeros_like(history.thrust)
+    wave[:, 0] = np.where(np.arange(len(wave)) % 5 < 2, -100.0, 300.0)
+    changed = type(history).of({**{name: getattr(history, name) for name in ("t",)}, **_arrays(history, thrust=wave)})
+    numbers = effort_numbers(changed, 0.1, hotel_w=50.0)
+    turns = np.count_nonzero(np.diff(np.sign(wave[:-1, 0])))
+    assert numbers["thrust_reversals_per_min"] == pytest.approx(turns / 2.0 * 60.0)
+    assert numbers["power_mean_w"] == pytest.approx(moved["exact"].summary["power_mean_w"] + 50.0)
+
+
+def _arrays(history, **changes):
+    from gbt_ocp.simulation.columns import columns
+
+    return {one.name: getattr(history, one.name) for one in columns(history)} | changes
+
+
+def test_a_named_vehicle_brings_its_limits():
+    rov = load_config({"problem": "case5", "vehicle": {"parameters": "bluerov2_heavy"}})
+    assert rov.vehicle.thrust_max == (129.7, 129.7, 160.8, 30.4)
+    vehicle = build_vehicle(rov)
+    assert vehicle.parameters.mass == 13.5
+    assert vehicle.thrust_min is None
+    weak = load_config({"vehicle": {"parameters": "bluerov2_heavy", "thrust_min": [-50.0, -60.0, -9.0]}})
+    np.testing.assert_allclose(ThrustRange.of(build_vehicle(weak)).lower, [-50.0, -60.0, -9.0])
+    assert load_config("case2").vehicle.thrust_max == (5000.0, 5000.0, 1500.0)
+    with pytest.raises(ConfigurationError, match=r"vehicle.thrust_min: found \[-1, 0, -1\]; allowed: .*3 numbers < 0"):
+        load_config({"vehicle": {"thrust_min": [-1, 0, -1]}})
