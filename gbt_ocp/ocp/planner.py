@@ -221,10 +221,10 @@ class ShotPlanner(AnyPlanner):
     def feedback(
         self, state: ArrayLike, forecast: Any = None, desired: ArrayLike | None = None, **data: Any
     ) -> ShootingPlan:
-        """When the state is there: one Newton step from what :meth:`prepare` did, and the plan.
+        """When the state is there: a Newton step from what :meth:`prepare` did, two iterations more, and the plan.
 
-        A plain :meth:`solve` where nothing is prepared. Its plan is one iteration from the rest of the last one; the
-        inputs are cut to what the vehicle has. Arguments and errors are those of :meth:`AnyPlanner.solve`.
+        A plain :meth:`solve` where nothing is prepared. The plan is taken whether these iterations have converged or
+        not; its inputs are cut to what the vehicle has. Arguments and errors are those of :meth:`AnyPlanner.solve`.
         """
         solver = self._in_parts()
         if self._previous is None or self._previous is not self._last_step:

@@ -92,8 +92,8 @@ void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[]);
 /* gbt_newton_step for a start that is elsewhere by so much, GBT_STATE. */
 void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *change);
 
-/* The inputs of piece i after the step, where its state has become another one. */
-void gbt_follow_gains(gbt_workspace *work, int i, const gbt_real *state, gbt_real *inputs);
+/* The inputs of piece i after a part of the step, where its state has become another one. */
+void gbt_follow_gains(gbt_workspace *work, int i, gbt_real part, const gbt_real *state, gbt_real *inputs);
 
 /* work->gradient again, for other numbers of the objective. */
 void gbt_objective_slopes(gbt_workspace *work);

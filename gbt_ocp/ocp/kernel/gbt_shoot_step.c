@@ -101,11 +101,11 @@ static void follow(gbt_workspace *work, int i, gbt_real alpha, const gbt_real *s
     backward(work->factor[i], inputs);
 }
 
-void gbt_follow_gains(gbt_workspace *work, int i, const gbt_real *state, gbt_real *inputs)
+void gbt_follow_gains(gbt_workspace *work, int i, gbt_real part, const gbt_real *state, gbt_real *inputs)
 {
     gbt_real change[GBT_STATE];
     for (int a = 0; a < GBT_STATE; a++) change[a] = state[a] - work->piece[i][a];
-    follow(work, i, 1, change, inputs);
+    follow(work, i, part, change, inputs);
     for (int a = 0; a < GBT_FREE; a++) inputs[a] += work->piece[i][GBT_STATE + a];
 }
 
