@@ -1,8 +1,8 @@
 """Measured numbers as data: ``docs/data/NAME.json``, and the pages that are rendered from them.
 
 A page writes ``{{ data.NAME.KEY }}`` for a table or a value, ``{{ data.NAME.KEY[ROW, COLUMN] }}`` for a cell of a table
-by the first cell of its row (or the first ones, with a slash between) and the head of its column, and ``{{ ages }}`` for
-the list of all files with their age.
+by the first cell of its row (or the first ones, with a slash between) and the head of its column, and ``{{ ages }}``
+for the list of all files with their age.
 MkDocs calls the functions ``on_…``; ``scripts/write_data.py`` writes the files.
 """
 
@@ -26,7 +26,7 @@ UNKNOWN = "before 0.2.0"
 """The commit of numbers that were measured before commits were written beside them."""
 
 
-class Missing(KeyError):
+class MissingError(KeyError):
     """A page quotes a number that there is not."""
 
 
@@ -36,12 +36,12 @@ def read(name: str) -> dict[str, Any]:
 
     Raises
     ------
-    Missing
+    MissingError
         If there is none.
     """
     path = DATA / f"{name}.json"
     if not path.is_file():
-        raise Missing(f"data.{name}: found no docs/data/{name}.json; allowed: {', '.join(names())}")
+        raise MissingError(f"data.{name}: found no docs/data/{name}.json; allowed: {', '.join(names())}")
     found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return found
 
@@ -56,7 +56,7 @@ def rendered(text: str) -> str:
 
     Raises
     ------
-    Missing
+    MissingError
         If a file, a key, a row or a column is not there.
     """
     text = PLACEHOLDER.sub(lambda found: _value(*found.groups()), text)
@@ -67,7 +67,7 @@ def _value(name: str, key: str, row: str | None, column: str | None) -> str:
     found = read(name)
     values = found["tables"] | found.get("values", {}) | {about: found[about] for about in ABOUT}
     if key not in values:
-        raise Missing(f"data.{name}.{key}: found no such key; allowed: {', '.join(values)}")
+        raise MissingError(f"data.{name}.{key}: found no such key; allowed: {', '.join(values)}")
     value = values[key]
     if key not in found["tables"]:
         return "; ".join(f"`{line}`" for line in value) if key == "command" else str(value)
@@ -81,7 +81,7 @@ def _cell(where: str, table: dict[str, Any], row: str, column: str) -> str:
     first = [part.strip() for part in row.split(" / ")]
     rows = [line for line in table["rows"] if [cell.strip("* ") for cell in line[: len(first)]] == first]
     if len(rows) != 1 or heads.count(column) != 1:
-        raise Missing(
+        raise MissingError(
             f"{where}[{row}, {column}]: found {len(rows)} rows and {heads.count(column)} columns; "
             f"allowed: one of each, of the rows {', '.join(line[0] for line in table['rows'])}, "
             f"of the columns {', '.join(heads)}"

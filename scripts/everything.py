@@ -58,6 +58,8 @@ BENCHMARKS = (
     benchmark("theory_counterexamples"),
     benchmark("theory_coverage"),
     benchmark("tracker"),
+    benchmark("measurement_kinds"),
+    benchmark("pilot_foreign_loop"),
     benchmark("objectives"),
     benchmark("follower", "sea2d"),
     benchmark("plant_errors", "sea2d", "case2", "case5"),

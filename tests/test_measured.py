@@ -43,7 +43,7 @@ def test_pages_quote_what_there_is_and_no_data_is_unused():
     ],
 )
 def test_a_page_that_quotes_a_missing_key_is_refused(quoted, says):
-    with pytest.raises(measured.Missing, match=re.escape(says)):
+    with pytest.raises(measured.MissingError, match=re.escape(says)):
         measured.rendered(f"as in {{{{ {quoted} }}}}")
 
 
