@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from gbt_ocp.studies.scenarios.motion_laws import SteadyLaw
-from gbt_ocp.studies.scenarios.scenario import NOISE, Knowledge, Recording, Scenario, measured, stream
+from gbt_ocp.studies.scenarios.scenario import NOISE, Knowledge, PublicScenario, RecordedRun, measured, stream
 from gbt_ocp.typing import Array
 
 SOURCE = "Ning, Zhang, Li, Chen, Zhao: A bearing-angle approach for unknown target motion analysis, IJRR 2024, figure "
@@ -66,16 +66,16 @@ def turning_square(own: Array, target: Array, rate: float) -> Array:
 
 def _recorded(
     run: int, paths: Callable[[], tuple[Array, Array]], knowledge: Knowledge, true_std: float, rate: float | None
-) -> Recording:
+) -> RecordedRun:
     own, target = paths()
     sizes = np.ones(len(own)) if rate is None else turning_square(own, target, rate)
     times = STEP * np.arange(len(own), dtype=float)
     seen = measured(times, own, target, knowledge, stream(run, NOISE), sizes=sizes, true_std=true_std)
     velocity = (target[1] - target[0]) / STEP
-    return Recording(times, own, target, target + AHEAD * velocity, seen, knowledge)
+    return RecordedRun(times, own, target, target + NEAR_AHEAD * velocity, seen, knowledge)
 
 
-AHEAD = 1.0
+NEAR_AHEAD = 1.0
 """How far ahead forecasts are scored, in s."""
 
 
@@ -90,7 +90,7 @@ def _scenario(
     law: SteadyLaw | None,
     speed: float = 0.3,
     rate: float | None = None,
-) -> Scenario:
+) -> PublicScenario:
     share = {1.6: 0.6, 1.3: 0.4, 0.8: 0.25}[size]
     knowledge = Knowledge(
         *guess,
@@ -102,14 +102,14 @@ def _scenario(
         turns=False,
         size=(size, share),
     )
-    return Scenario(
+    return PublicScenario(
         name=f"ning_{figure}",
         title=title,
         source=SOURCE + figure,
         dimension=2,
         runs=6,
         record=partial(_recorded, paths=paths, knowledge=knowledge, true_std=true_std, rate=rate),
-        ahead=AHEAD,
+        ahead=NEAR_AHEAD,
         scored_from=0.4 * STEP * len(paths()[0]),
         scored_every=0.2,
         law=law,

@@ -23,7 +23,7 @@ from gbt_ocp.studies.scenarios.bearing_angle import NING
 from gbt_ocp.studies.scenarios.benchmark_report import Row, summarised, write_benchmark
 from gbt_ocp.studies.scenarios.contestants import CONTESTANTS
 from gbt_ocp.studies.scenarios.naval import NAVAL
-from gbt_ocp.studies.scenarios.scenario import Scenario
+from gbt_ocp.studies.scenarios.scenario import PublicScenario
 from gbt_ocp.studies.scenarios.trial import trial
 
 TRIALS, PLANNED = "trials", "benchmark_plan.json"
@@ -31,7 +31,7 @@ TRIALS, PLANNED = "trials", "benchmark_plan.json"
 QUICK = 0.1
 """Share of the runs with ``quick``; each scenario keeps one at least."""
 
-SCENARIOS = {one.name: one for one in (*NING, *NAVAL, *SEA)}
+PUBLIC = {one.name: one for one in (*NING, *NAVAL, *SEA)}
 """The scenarios that come with the package, by name."""
 
 
@@ -95,7 +95,7 @@ class BenchmarkInterruptedError(KeyboardInterrupt):
     """The benchmark was interrupted; what was finished is kept."""
 
 
-def known_scenarios(logs: str | None) -> dict[str, Scenario]:
+def known_scenarios(logs: str | None) -> dict[str, PublicScenario]:
     """The scenarios of the package, and those of a folder of logs.
 
     Raises
@@ -104,7 +104,7 @@ def known_scenarios(logs: str | None) -> dict[str, Scenario]:
         If the folder has no logs with the truth.
     """
     found = {} if logs is None else {one.name: one for one in log_scenarios(Path(logs))}
-    return {**SCENARIOS, **found}
+    return {**PUBLIC, **found}
 
 
 def benchmark(
@@ -124,7 +124,7 @@ def benchmark(
     Parameters
     ----------
     scenarios
-        Names of :data:`SCENARIOS`, or of logs (``log_NAME``); by default all.
+        Names of :data:`PUBLIC`, or of logs (``log_NAME``); by default all.
     trackers
         Names of :data:`~gbt_ocp.studies.scenarios.contestants.CONTESTANTS`; by default all whose packages are there.
     runs
@@ -218,7 +218,7 @@ def _command(plan: BenchmarkPlan) -> str:
     words = ["gbt-ocp benchmark", "--scenarios", ",".join(plan.runs), "--trackers", ",".join(plan.contestants)]
     if len(set(counts.values())) == 1:
         words += ["--runs", str(next(iter(counts.values())))]
-    elif all(count == SCENARIOS[name].runs for name, count in counts.items()):
+    elif all(count == PUBLIC[name].runs for name, count in counts.items()):
         pass
     else:
         words.append("--quick")

@@ -18,7 +18,7 @@ import numpy as np
 from gbt_ocp.files import whole_file
 from gbt_ocp.simulation.summary import installed_versions
 from gbt_ocp.studies.scenarios.contestants import CONTESTANTS
-from gbt_ocp.studies.scenarios.scenario import Scenario
+from gbt_ocp.studies.scenarios.scenario import PublicScenario
 
 Row: TypeAlias = dict[str, Any]
 
@@ -34,7 +34,7 @@ EXPLAINED = (
     "more than half of the range off at the end, or a fault. Times are processor time."
 )
 
-COLUMNS = {
+SHOWN = {
     "error": "error, % of range",
     "interval": "10 to 90 % of runs",
     "error_ahead": "ahead, %",
@@ -121,7 +121,7 @@ def _commit() -> str:
 
 def write_benchmark(
     folder: Path,
-    scenarios: Sequence[Scenario],
+    scenarios: Sequence[PublicScenario],
     runs: dict[str, int],
     rows: list[Row],
     notes: list[str],
@@ -154,7 +154,7 @@ def write_benchmark(
 
 
 def markdown(
-    scenarios: Sequence[Scenario], runs: dict[str, int], rows: list[Row], notes: list[str], whence: dict[str, Any]
+    scenarios: Sequence[PublicScenario], runs: dict[str, int], rows: list[Row], notes: list[str], whence: dict[str, Any]
 ) -> str:
     """The report as Markdown."""
     versions = ", ".join(f"{name} {version}" for name, version in whence["versions"].items())
@@ -181,8 +181,8 @@ def markdown(
             f"{runs[one.name]} runs (seeds 0 to {runs[one.name] - 1}), scored from {one.scored_from:.6g} s, "
             f"{one.ahead:.6g} s ahead.",
             "",
-            "| tracker | " + " | ".join(COLUMNS.values()) + " |",
-            "|---|" + "---|" * len(COLUMNS),
+            "| tracker | " + " | ".join(SHOWN.values()) + " |",
+            "|---|" + "---|" * len(SHOWN),
             *(_line(row) for row in found),
             "",
         ]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -16,14 +16,17 @@ from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.studies.scenarios.motion_laws import HeldTurnLaw, MotionLaw, SteadyLaw
 from gbt_ocp.studies.scenarios.opponents import FilterPyImm, StoneSoupTracker
 from gbt_ocp.studies.scenarios.particles import LawParticleFilter
-from gbt_ocp.studies.scenarios.scenario import CONTESTANT, Recording, Scenario, stream
+from gbt_ocp.studies.scenarios.scenario import CONTESTANT, PublicScenario, RecordedRun, stream
 from gbt_ocp.tracking.priors import LogNormal
+
+Maker: TypeAlias = Callable[[PublicScenario, RecordedRun, int], Any]
+"""Makes a tracker for a scenario, a recording and the number of a run; ``None`` where it does not take part."""
 
 LAW_PARTICLES = 20_000
 """Particles of the filters that move by a law."""
 
 
-def settings(kind: str, recording: Recording) -> dict[str, Any]:
+def settings(kind: str, recording: RecordedRun) -> dict[str, Any]:
     """The section ``tracker`` of one of our trackers, from what is known beforehand. Nothing is tuned on scenarios."""
     known = recording.knowledge
     degrees, pace = math.degrees(known.bearing_std), known.pace
@@ -92,19 +95,19 @@ def settings(kind: str, recording: Recording) -> dict[str, Any]:
     return sections[kind]
 
 
-def _first_prior(recording: Recording) -> dict[str, Any]:
+def _first_prior(recording: RecordedRun) -> dict[str, Any]:
     """What our extended filter makes of the first bearing, for the pseudo-linear one."""
     first = next(one for at in recording.sightings for one in at if one.kind != "size")
     mean, covariance = recording.knowledge.first_position(first.bearing, first.position)
     return {"position": mean.tolist(), "covariance": covariance.tolist()}
 
 
-def _period(recording: Recording) -> float:
+def _period(recording: RecordedRun) -> float:
     return float(np.median(np.diff(recording.times)))
 
 
-def _ours(kind: str) -> Callable[[Scenario, Recording, int], Any]:
-    def make(scenario: Scenario, recording: Recording, run: int) -> Any:
+def _ours(kind: str) -> Maker:
+    def make(scenario: PublicScenario, recording: RecordedRun, run: int) -> Any:
         section = TRACKERS[kind].section.model_validate(
             {"kind": kind, **settings(kind, recording)}, context={"d": scenario.dimension}
         )
@@ -114,18 +117,18 @@ def _ours(kind: str) -> Callable[[Scenario, Recording, int], Any]:
     return make
 
 
-def _stone_soup(kind: str) -> Callable[[Scenario, Recording, int], Any]:
-    def make(scenario: Scenario, recording: Recording, run: int) -> Any:
+def _stone_soup(kind: str) -> Maker:
+    def make(scenario: PublicScenario, recording: RecordedRun, run: int) -> Any:
         return StoneSoupTracker(kind, recording.knowledge, scenario.dimension, seed=run)
 
     return make
 
 
-def _filterpy(scenario: Scenario, recording: Recording, run: int) -> Any:
+def _filterpy(scenario: PublicScenario, recording: RecordedRun, run: int) -> Any:
     return FilterPyImm(recording.knowledge, scenario.dimension)
 
 
-def generic_law(recording: Recording) -> MotionLaw:
+def generic_law(recording: RecordedRun) -> MotionLaw:
     """A guessed law: turn rates that are held, normal, and a speed that varies; or white noise of the acceleration."""
     known = recording.knowledge
     if not known.turns:
@@ -142,8 +145,10 @@ def generic_law(recording: Recording) -> MotionLaw:
     )
 
 
-def _particles(law: Callable[[Scenario, Recording], MotionLaw | None]) -> Callable[[Scenario, Recording, int], Any]:
-    def make(scenario: Scenario, recording: Recording, run: int) -> Any:
+def _particles(
+    law: Callable[[PublicScenario, RecordedRun], MotionLaw | None],
+) -> Maker:
+    def make(scenario: PublicScenario, recording: RecordedRun, run: int) -> Any:
         known, chosen = recording.knowledge, law(scenario, recording)
         if chosen is None:
             return None
@@ -180,7 +185,7 @@ class Contestant:
 
     name: str
     says: str
-    make: Callable[[Scenario, Recording, int], Any]
+    make: Maker
     package: str | None = None
 
     @property

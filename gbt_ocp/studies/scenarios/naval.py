@@ -17,8 +17,8 @@ from gbt_ocp.studies.scenarios.scenario import (
     MOTION,
     NOISE,
     Knowledge,
-    Recording,
-    Scenario,
+    PublicScenario,
+    RecordedRun,
     measured,
     stream,
 )
@@ -28,7 +28,7 @@ RISTIC = "Ristic, Arulampalam, Gordon: Beyond the Kalman Filter, 2004, chapter 6
 LEONG = "Leong, Arulampalam, Lamahewa, Abhayapala: A Gaussian-sum based cubature Kalman filter, IEEE TAES 2013"
 
 KNOT, MINUTE = 1852.0 / 3600.0, 60.0
-AHEAD = 5 * MINUTE
+MINUTES_AHEAD = 5 * MINUTE
 COURSE_STD = np.pi / np.sqrt(12.0)
 """Deviation of the target's course from that towards the vehicle, which the sources' filters begin with."""
 
@@ -100,8 +100,8 @@ def _recorded(
     density: float,
     turn_rate: float,
     turns: bool,
-) -> Recording:
-    ahead = round(AHEAD / MINUTE)
+) -> RecordedRun:
+    ahead = round(MINUTES_AHEAD / MINUTE)
     times = MINUTE * np.arange(minutes + ahead + 1, dtype=float)
     path = target(times)
     if density > 0.0:
@@ -120,7 +120,7 @@ def _recorded(
     )
     kept = minutes + 1
     seen = measured(times[:kept], ours, path[:kept], knowledge, stream(run, NOISE))
-    return Recording(times[:kept], ours, path[:kept], path[ahead:], seen, knowledge)
+    return RecordedRun(times[:kept], ours, path[:kept], path[ahead:], seen, knowledge)
 
 
 RISTIC_OWN = partial(track, np.zeros(2), 5.0, 140.0, ((13.0, 17.0, 20.0),))
@@ -147,7 +147,7 @@ def _scenario(
     law: SteadyLaw | None,
     turn_rate: float = 1.0e-3,
     differs: str = "",
-) -> Scenario:
+) -> PublicScenario:
     record = partial(
         _recorded,
         own=own,
@@ -159,14 +159,14 @@ def _scenario(
         turn_rate=turn_rate,
         turns=law is None,
     )
-    return Scenario(
+    return PublicScenario(
         name,
         title,
         source,
         dimension=2,
         runs=20,
         record=record,
-        ahead=AHEAD,
+        ahead=MINUTES_AHEAD,
         scored_from=scored_from * MINUTE,
         scored_every=MINUTE,
         law=law,

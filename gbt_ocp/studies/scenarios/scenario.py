@@ -73,7 +73,7 @@ class Knowledge:
 
 
 @dataclass(frozen=True)
-class Recording:
+class RecordedRun:
     """One run of a scenario.
 
     Attributes
@@ -97,7 +97,7 @@ class Recording:
 
 
 @dataclass(frozen=True)
-class Scenario:
+class PublicScenario:
     """A frozen scenario.
 
     Attributes
@@ -127,7 +127,7 @@ class Scenario:
     source: str
     dimension: int
     runs: int
-    record: Callable[[int], Recording]
+    record: Callable[[int], RecordedRun]
     ahead: float
     scored_from: float
     scored_every: float

@@ -11,7 +11,7 @@ import numpy as np
 from gbt_ocp.simulation.calibration import squared_errors, within
 from gbt_ocp.simulation.track_summary import LOST_SHARE
 from gbt_ocp.studies.scenarios.contestants import Contestant
-from gbt_ocp.studies.scenarios.scenario import Recording, Scenario
+from gbt_ocp.studies.scenarios.scenario import PublicScenario, RecordedRun
 from gbt_ocp.tracking.intake import take_in, taken_kinds
 
 END_SHARE = 0.2
@@ -20,7 +20,7 @@ END_SHARE = 0.2
 EPSILON = 1e-9
 
 
-def trial(scenario: Scenario, contestant: Contestant, run: int) -> dict[str, Any] | None:
+def trial(scenario: PublicScenario, contestant: Contestant, run: int) -> dict[str, Any] | None:
     """One run.
 
     Returns
@@ -62,7 +62,7 @@ def trial(scenario: Scenario, contestant: Contestant, run: int) -> dict[str, Any
     return {**_numbers(np.array(rows).reshape(-1, 7), fault), "seconds": spent, "measurements": taken, "fault": fault}
 
 
-def _row(recording: Recording, k: int, said: Any) -> list[float]:
+def _row(recording: RecordedRun, k: int, said: Any) -> list[float]:
     """Error in m, range, NEES and whether inside, error ahead, NEES ahead and whether inside."""
     d = recording.own.shape[1]
     truth = np.stack([recording.target[k], recording.ahead[k]])
