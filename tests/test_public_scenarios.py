@@ -271,6 +271,9 @@ def test_a_benchmark_is_measured_reported_and_resumed(tmp_path):
     again = benchmark(resume=done.folder, jobs=1)
     assert kept.stat().st_mtime_ns == before
     assert [one["error"] for one in again.rows] == [one["error"] for one in done.rows]
+    with pytest.raises(ConfigurationError, match="or that of the same benchmark"):
+        benchmark(**{**chosen, "runs": 1}, out=done.folder, jobs=1)
+    assert benchmark(**chosen, out=done.folder, jobs=1).rows == again.rows
 
 
 def test_a_tracker_that_fails_is_lost(monkeypatch):

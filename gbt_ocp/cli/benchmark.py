@@ -25,7 +25,7 @@ def _add(parser: argparse.ArgumentParser) -> None:
     completed(logs, shtab.DIRECTORY)
     parser.add_argument("--jobs", metavar="J", type=count, help="processes (default: one a core)")
     where = parser.add_mutually_exclusive_group()
-    add_out(where, "a new or empty folder (default: a new one in runs/)")
+    add_out(where, "a new or empty folder, or that of the same benchmark (default: a new one in runs/)")
     action = where.add_argument("--resume", metavar="DIR", type=Path, help="go on with what was begun in this folder")
     completed(action, shtab.DIRECTORY)
     parser.add_argument("--list", action="store_true", help="list scenarios and trackers, and run nothing")

@@ -134,7 +134,7 @@ def benchmark(
     logs
         Folder of CSV files with recorded bearings and the truth.
     out
-        A new or empty folder; by default a new one in ``runs/``.
+        A new or empty folder, or that of the same benchmark, which goes on; by default a new one in ``runs/``.
     resume
         Folder of a benchmark begun before, which is finished as it was planned. Instead of all above.
     jobs
@@ -226,13 +226,18 @@ def _command(plan: BenchmarkPlan) -> str:
 
 
 def _begin(folder: Path, plan: BenchmarkPlan) -> None:
+    if (folder / PLANNED).is_file() and _planned_before(folder) == plan:
+        return  # the same benchmark, which goes on
     try:
         with whole_folder(folder) as temporary:
             (temporary / PLANNED).write_text(plan.to_json(), encoding="utf-8")
             (temporary / TRIALS).mkdir()
     except FileExistsError:
         raise ConfigurationError(
-            [f"--out: found {folder}, which is not an empty folder; allowed: a new or empty folder (or --resume)"]
+            [
+                f"--out: found {folder}, which is not an empty folder; allowed: a new or empty folder, or that "
+                "of the same benchmark"
+            ]
         ) from None
     except OSError as fault:
         raise ConfigurationError(
