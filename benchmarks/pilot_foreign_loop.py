@@ -28,8 +28,9 @@ from gbt_ocp.models import Mounting
 SETTLING_S = 60.0
 """Time in s from which errors count."""
 
-INTERVALS = {"navigate": (0.03, 0.09), "command": (0.05, 0.15), "mast": (0.1, 0.3), "bow": (0.1, 0.3)}
-"""Shortest and longest time in s between two events of a kind; two sensors at 5 Hz make the 10 Hz of one."""
+INTERVALS = {"navigate": (0.01, 0.03), "command": (0.01, 0.03), "mast": (0.1, 0.3), "bow": (0.1, 0.3)}
+"""Shortest and longest time in s between two events of a kind; two sensors at 5 Hz make the 10 Hz of one, and thrust is
+asked for at the least rate of a follower, 50 Hz."""
 
 LATE_SHARE, LATE_S = 0.3, 1.0
 """Share of bearings that come late, and by how much at most, in s."""

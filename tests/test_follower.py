@@ -112,6 +112,12 @@ class _C:
         class Result(ctypes.Structure):
             _fields_ = [("status", whole), ("thrust", real * m), ("error", real * n), ("off_plan", real)]
 
+        class Setpoint(ctypes.Structure):
+            _fields_ = [
+                ("status", whole), ("z", real * n), ("dz", real * n),
+                *((name, real) for name in ("course", "speed", "heading", "depth")),
+            ]  # fmt: skip
+
         class Startup(ctypes.Structure):
             _fields_ = [
                 ("axis", real * 3), *((name, real) for name in ("deviation", "across", "opening", "leg", "period")),
@@ -123,6 +129,8 @@ class _C:
         self.library.gbt_follow_init.argtypes = [numbers, real]
         self.library.gbt_follow_plan.argtypes = [numbers] * 3
         self.library.gbt_follow.argtypes = [numbers, real, real, numbers, numbers, numbers]
+        self.library.gbt_follow_setpoint.argtypes = [numbers, real, numbers, numbers]
+        self.setpoint = Setpoint()
         self.library.gbt_startup_init.argtypes = [numbers, numbers, *[real] * 5]
         self.library.gbt_startup_step.argtypes = [numbers, real, *[numbers] * 5]
         self.follower, self.result, self.startup = Follower(), Result(), Startup()
@@ -214,6 +222,38 @@ def test_in_c_there_is_no_thrust_without_a_plan_or_a_measurement(compiled):
         found = compiled.follow(elapsed, hold, measured, dz)
         assert found[0] == status
         np.testing.assert_array_equal(found[1], 0.0)
+
+
+def test_a_setpoint_in_c_is_the_plan_at_its_time(compiled):
+    problem, rng = compiled.problem, np.random.default_rng(11)
+    n, d, end = problem.vehicle.flat_dimension, problem.vehicle.position_dimension, problem.pieces * problem.period
+
+    def ask(ahead, water=None):
+        flow = None if water is None else water.ctypes.data
+        return compiled.library.gbt_follow_setpoint(
+            ctypes.byref(compiled.follower), ahead, flow, ctypes.byref(compiled.setpoint)
+        )
+
+    compiled.begin(2.0)
+    assert ask(0.0) == NO_PLAN
+    for _ in range(50):
+        trajectory, water = drawn(problem, rng), rng.normal(size=d)
+        compiled.begin(2.0, trajectory)
+        ahead = rng.uniform(0.0, end)
+        assert ask(ahead, water) == FOLLOWED
+        found, z, dz = compiled.setpoint, trajectory(ahead), trajectory(ahead, 1)
+        ground = dz[:d] + water
+        np.testing.assert_allclose(found.z, np.append(z[:d] + ahead * water, z[d:]), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(found.dz[:d], ground, rtol=1e-9, atol=1e-9)
+        assert found.speed == pytest.approx(np.hypot(*dz[:2]))
+        assert found.course == pytest.approx(math.atan2(ground[1], ground[0]))
+        assert found.heading == pytest.approx(z[d] if n > d else 0.0)
+        assert found.depth == pytest.approx(-(z[2] + ahead * water[2]) if d == 3 else 0.0)
+    assert ask(9.0 * end) == FOLLOWED
+    np.testing.assert_allclose(compiled.setpoint.z, trajectory(end), rtol=1e-9, atol=1e-9)
+    assert ask(math.nan) == NOT_FINITE
+    assert ask(0.0, np.full(d, math.inf)) == NOT_FINITE
+    assert list(compiled.setpoint.z) == [0.0] * n
 
 
 PLAN, RESTART, CROSS, NO_INPUT = range(4)

@@ -25,7 +25,8 @@ from gbt_ocp.models.measurements import Measurement
 from gbt_ocp.ocp.codegen.library import CompilerError
 from gbt_ocp.pilot.own_track import Received
 from gbt_ocp.pilot.pilot_command import PilotCommand
-from gbt_ocp.pilot.piloting import Piloting, PilotParts
+from gbt_ocp.pilot.pilot_parts import PilotParts
+from gbt_ocp.pilot.piloting import Piloting
 from gbt_ocp.simulation.summary import installed_versions
 
 SAVED_HEADER, SAVED_MEMORY = "header.json", "memory.pickle"

@@ -3,7 +3,7 @@
 from gbt_ocp.pilot.online_loop import Decided, OnlineLoop
 from gbt_ocp.pilot.pilot_command import PilotCommand
 from gbt_ocp.pilot.pilot_health import PilotHealth
-from gbt_ocp.pilot.piloting import PilotParts
+from gbt_ocp.pilot.pilot_parts import PilotParts
 from gbt_ocp.pilot.plan_follower import PlanFollower
 from gbt_ocp.pilot.setpoint import Setpoint, setpoint_of
 

@@ -49,7 +49,7 @@ class OwnTrack:
     """Own states of the last seconds in the order of time.
 
     Between two navigations the pose is the cubic through both with their rates (Hermite), the yaw the short way round.
-    After the last one it goes on at its rates, for as long as a gap may be.
+    After the last one it goes on at its rates, for as long as a gap may be, unless a plan is followed (``piloting``).
 
     Parameters
     ----------

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,12 +12,8 @@ from numpy.typing import ArrayLike
 
 from gbt_ocp.guidance.planned import ON_SCHEDULE
 from gbt_ocp.guidance.startup import planner_of
-from gbt_ocp.guidance.strategy import Guidance, Placement
+from gbt_ocp.guidance.strategy import Placement
 from gbt_ocp.models.measurements import Measurement, Sighting
-from gbt_ocp.models.sensors import SimulatedSensor
-from gbt_ocp.models.sizes import not_negative, positive
-from gbt_ocp.models.vehicles import Vehicle
-from gbt_ocp.ocp.follower import BANDWIDTH
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.pilot.late_measurements import OrderedIntake
@@ -26,72 +21,14 @@ from gbt_ocp.pilot.online_loop import Decided, OnlineLoop
 from gbt_ocp.pilot.own_track import OwnState, OwnTrack, Received, checked_numbers, earth_rates
 from gbt_ocp.pilot.pilot_command import PilotCommand
 from gbt_ocp.pilot.pilot_health import PilotHealth, TrackWatch
+from gbt_ocp.pilot.pilot_parts import PilotParts
 from gbt_ocp.pilot.plan_follower import ON_PLAN, PlanFollower
 from gbt_ocp.pilot.skeleton import Skeleton
-from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, PositionTracker, Tracker, relative_range_std
+from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, relative_range_std
 from gbt_ocp.typing import Array
 
 MOST_KNOWN = 512
 """Measurements that are remembered to find duplicates, before those that are too old are forgotten."""
-
-
-@dataclass(frozen=True)
-class PilotParts:
-    """Everything that takes part in a pilot.
-
-    Attributes
-    ----------
-    tracker, guidance, vehicle
-        The parts. They have seen nothing yet. The first flat outputs of the vehicle are those of its pose.
-    period
-        T in seconds: time between two decisions of the guidance.
-    forecast
-        n, positions predicted ahead.
-    forecast_period
-        Seconds between them.
-    follow_bandwidth
-        ω in rad/s of the follower that gives the thrust between two plans.
-    lead
-        How far ahead on the plan setpoints are taken, in seconds: about an autopilot's lag; ``None`` for a period.
-    late
-        Age in seconds up to which inputs that come late are taken.
-    navigation_gap
-        Longest time in seconds between two navigations over which the own state is interpolated, or carried on.
-    bearing_std
-        Deviation in radians of bearings that do not state one.
-    tracker_at
-        Makes the tracker at the vehicle's first position ``(d,)``, to take the place of ``tracker``; ``None`` keeps it.
-    sensors
-        Say frame, mounting, deviation and error of the heading of measurements of their name that do not.
-
-    Raises
-    ------
-    ValueError
-        If a number is out of range, or the vehicle has more flat outputs than its pose.
-    """
-
-    tracker: Tracker | PositionTracker
-    guidance: Guidance
-    vehicle: Vehicle
-    period: float
-    forecast: int
-    forecast_period: float
-    follow_bandwidth: float = BANDWIDTH
-    lead: float | None = None
-    late: float = 2.0
-    navigation_gap: float = 1.0
-    bearing_std: float = 0.0
-    tracker_at: Callable[[Array], Tracker | PositionTracker] | None = None
-    sensors: Mapping[str, SimulatedSensor] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        for name in ("period", "forecast_period", "navigation_gap"):
-            positive(name, getattr(self, name))
-        for name in ("late", "bearing_std"):
-            not_negative(name, getattr(self, name))
-        most = self.vehicle.position_dimension + 1
-        if self.vehicle.flat_dimension > most:
-            raise ValueError(f"vehicle: found {self.vehicle.flat_dimension} flat outputs; allowed: at most {most}")
 
 
 class Piloting:
@@ -221,7 +158,7 @@ class Piloting:
         self._settle(t, self._intake)
         period = self.parts.period
         hold = period if last is None else min(t - last.time, period)
-        z, dz = own.pose[: self.parts.vehicle.flat_dimension], own.rates[: self.parts.vehicle.flat_dimension]
+        z, dz = self._carried_on(own, t)
         # at the command nearest to the time at which the next decision is due
         if self._decided is None or t + 0.5 * hold >= self._decided.time + period:
             self._decide(t, z, dz)
@@ -283,6 +220,17 @@ class Piloting:
         for order in range(2, self._joined):
             measured[order] = trajectory(elapsed + since, order)
         return measured
+
+    def _carried_on(self, own: OwnState, time: float) -> tuple[Array, Array]:
+        """Flat output and rate ``(n,)`` now: since the last navigation as planned, where a plan is followed."""
+        n, latest, decided = self.parts.vehicle.flat_dimension, self._own.latest, self._decided
+        if latest is not None and decided is not None and isinstance(decided.decision, Plan):
+            since = latest.time - decided.time + decided.decision.elapsed
+            if latest.time < time <= latest.time + self.parts.navigation_gap and since >= 0.0:
+                both, plan = np.array([since, since + time - latest.time]), decided.decision.trajectory
+                moved, faster = (np.diff(plan(both, order), axis=0)[0] for order in (0, 1))
+                return latest.pose[:n] + moved, latest.rates[:n] + faster
+        return own.pose[:n], own.rates[:n]
 
     def _learn(self) -> None:
         """Have the guidance learn the current from the last navigations and the thrust between them."""

@@ -11,7 +11,7 @@ from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.config.sensor import SensorSection
 from gbt_ocp.ocp.follower import BANDWIDTH
-from gbt_ocp.pilot.piloting import PilotParts
+from gbt_ocp.pilot.pilot_parts import PilotParts
 
 
 def build_pilot(configuration: Configuration) -> PilotParts:

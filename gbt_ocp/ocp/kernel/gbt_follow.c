@@ -77,3 +77,31 @@ gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt
     }
     return result->status;
 }
+
+gbt_follow_status gbt_follow_setpoint(const gbt_follower *follower, gbt_real ahead, const gbt_real *water,
+                                      gbt_setpoint *setpoint)
+{
+    static const gbt_setpoint nothing;
+    gbt_real piece[GBT_ORDERS][GBT_FLAT], point[GBT_POINT], s;
+    int finite = isfinite(ahead);
+    for (int j = 0; water && j < GBT_DIMENSION; j++) finite = finite && isfinite(water[j]);
+    *setpoint = nothing;
+    if (!finite) return setpoint->status = GBT_FOLLOW_NOT_FINITE;
+    if (ahead > GBT_PIECES * GBT_PERIOD) ahead = GBT_PIECES * GBT_PERIOD;
+    if (!piece_at(follower, ahead, piece, &s)) return setpoint->status = GBT_FOLLOW_NO_PLAN;
+    gbt_point_after(piece, s, point);
+    setpoint->speed = gbt_sqrt(point[GBT_FLAT] * point[GBT_FLAT] + point[GBT_FLAT + 1] * point[GBT_FLAT + 1]);
+    for (int j = 0; j < GBT_FLAT; j++) {
+        const gbt_real flow = water && j < GBT_DIMENSION ? water[j] : 0;
+        setpoint->z[j] = point[j] + (j < GBT_DIMENSION ? follower->start[0][j] + flow * ahead : 0);
+        setpoint->dz[j] = point[GBT_FLAT + j] + flow;
+    }
+    setpoint->course = gbt_atan2(setpoint->dz[1], setpoint->dz[0]);
+#if GBT_FLAT > GBT_DIMENSION
+    setpoint->heading = setpoint->z[GBT_DIMENSION];
+#endif
+#if GBT_DIMENSION == 3
+    setpoint->depth = -setpoint->z[2];
+#endif
+    return setpoint->status = GBT_FOLLOWED;
+}

@@ -7,6 +7,9 @@
        at every sample, at 50 Hz or faster:
            gbt_follow(&follower, elapsed, hold, z, dz, &command);
            apply command.thrust until the next sample
+   or, for a vehicle with an autopilot of its own:
+       gbt_follow_setpoint(&follower, elapsed + lag, 0, &setpoint);
+       hand on its course, speed, heading and depth
 
    Computed torque on the flat output: the thrust of the acceleration  ddz + 2 w (dz - dz_m) + w^2 (z - z_m)  at the
    measured z_m and its rate dz_m. Without model error and within the limits the error e of each flat output then obeys
@@ -53,6 +56,23 @@ void gbt_follow_plan(gbt_follower *follower, const gbt_real *state, const gbt_re
    z, dz     measured flat output and its rate, GBT_FLAT each */
 gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt_real hold, const gbt_real *z,
                              const gbt_real *dz, gbt_follow_result *result);
+
+typedef struct {
+    gbt_follow_status status;
+    gbt_real z[GBT_FLAT], dz[GBT_FLAT]; /* flat output and its rate, over ground */
+    gbt_real course;                    /* over ground, counter-clockwise from +x, rad */
+    gbt_real speed;                     /* through the water, in the horizontal plane, m/s */
+    gbt_real heading;                   /* the first flat output after the position, rad; 0 without one */
+    gbt_real depth;                     /* positive down, m; 0 in the plane */
+} gbt_setpoint;
+
+/* What an autopilot is given in place of thrust: where the plan is, and how it moves there. Beyond the end of the plan
+   that is its end.
+
+   ahead   seconds since the plan was made: those elapsed, and about the lag of the autopilot
+   water   velocity of the water over ground, GBT_DIMENSION, in whose frame the plan was made; 0 for still water */
+gbt_follow_status gbt_follow_setpoint(const gbt_follower *follower, gbt_real ahead, const gbt_real *water,
+                                      gbt_setpoint *setpoint);
 
 GBT_END_C
 
