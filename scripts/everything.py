@@ -80,6 +80,7 @@ BENCHMARKS = (
     benchmark("single_precision"),
     benchmark("sweep_rate"),
     benchmark("closed_loop", "--seeds", "10", "--jobs", "2", "--out", f"{OUT}/results.md"),
+    Job("public_scenarios", ("-m", "gbt_ocp.cli", "benchmark", "--quiet", "--out", f"{OUT}/benchmark")),
     benchmark("recorded_tracks", TRACKS, "--seeds", "3"),
     Job("sea_run", ("-m", "gbt_ocp.cli", "run", "sea2d", "--quiet", "--out", f"{OUT}/run")),
     benchmark(

@@ -217,3 +217,49 @@ def test_the_form_is_a_key_of_the_planner(thrust):
     assert set(arrays["solver_status"]) == {"solved"}
     assert arrays["error"].mean(axis=1)[arrays["t"] >= 2.0].mean() < 0.04
     assert np.nanmax(np.abs(arrays["thrust"]) / loop.vehicle.thrust_max) <= GAMMA + 1e-6
+
+
+def drifting(dimension: int, pieces: int, step: int) -> dict:
+    """The forecast of a target that drifts, and bearings that turn, at a step; the forecast comes true."""
+    times = PERIOD * (step + np.arange(1, pieces + 1))
+    mean = np.array([0.5, -0.3, 0.2])[:dimension] * (1.0 + times[:, None])
+    desired = np.stack([np.cos(2.0 * times), np.sin(2.0 * times), 0.0 * times], axis=1)[:, :dimension]
+    covariance = np.tile(1e-3 * np.eye(dimension), (pieces, 1, 1))
+    return {"forecast": SimpleNamespace(mean=mean, covariance=covariance), "desired": desired}
+
+
+@pytest.mark.parametrize(("dimension", "thrust"), [(3, "held"), (3, "linear")])
+def test_a_step_in_two_parts_comes_near_the_plan_in_one(dimension, thrust):
+    problem = posed(dimension, thrust=thrust)
+    parts, whole = problem.compile("compiled"), problem.compile("compiled")
+    state = np.zeros((2, dimension + 1))
+    state[0, 0], rng, losses = 2.0, np.random.default_rng(0), []
+    assert not parts.prepare(), "there is no plan yet"
+    for step in range(25):
+        data = drifting(dimension, 5, step)
+        plan, best = parts.feedback(state, **data), whole.solve(state, **data)
+        assert plan.solved
+        assert plan.iterations <= (best.iterations if step == 0 else 3)
+        limit = problem.vehicle.thrust_max
+        ends = plan.thrust if plan.thrust_end is None else plan.thrust_end
+        assert np.all(np.abs(np.concatenate([plan.thrust, ends])) <= limit)
+        assert plan.objective == pytest.approx(
+            objective(problem.vehicle, {"state": state, **data}, plan.thrust, ends), abs=1e-6
+        )
+        losses.append(best.objective - plan.objective)
+        assert parts.prepare()
+        # the vehicle is pushed a little from where the plan led
+        state = plan.knots[1] + 1e-3 * rng.normal(size=plan.knots[1].shape)
+    assert np.median(losses) < 5e-3, losses
+
+
+def test_only_the_compiled_solver_takes_a_step_in_parts():
+    planner = posed(2).compile("ipopt")
+    with pytest.raises(ValueError, match="solver: found 'ipopt'; allowed: 'compiled'"):
+        planner.prepare()
+    planner = posed(2).compile("compiled")
+    data = cold(2, 5, 4)
+    planner.solve(**data)
+    planner.previous = planner.solve(**data) and None
+    assert not planner.prepare(), "there is no last plan any more"
+    assert planner.feedback(**data).iterations > 1

@@ -23,6 +23,23 @@ static inline gbt_real *gbt_free(gbt_piece piece, int a)
 }
 #endif
 
+/* Solves L x = b and then L' x = b in place. */
+static inline void gbt_forward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
+{
+    for (int a = 0; a < GBT_FREE; a++) {
+        for (int c = 0; c < a; c++) x[a] -= factor[a][c] * x[c];
+        x[a] /= factor[a][a];
+    }
+}
+
+static inline void gbt_backward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
+{
+    for (int a = GBT_FREE - 1; a >= 0; a--) {
+        for (int c = a + 1; c < GBT_FREE; c++) x[a] -= factor[c][a] * x[c];
+        x[a] /= factor[a][a];
+    }
+}
+
 /* What a limit looks at after a share of a piece, but for the limit's numbers there. */
 void gbt_place_after(gbt_piece piece, gbt_real share, gbt_real *place);
 
@@ -92,8 +109,8 @@ void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[]);
 /* gbt_newton_step for a start that is elsewhere by so much, GBT_STATE. */
 void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *change);
 
-/* The inputs of piece i after the step, where its state has become another one. */
-void gbt_follow_gains(gbt_workspace *work, int i, const gbt_real *state, gbt_real *inputs);
+/* The inputs of piece i after a part of the step, where its state has become another one. */
+void gbt_follow_gains(gbt_workspace *work, int i, gbt_real part, const gbt_real *state, gbt_real *inputs);
 
 /* work->gradient again, for other numbers of the objective. */
 void gbt_objective_slopes(gbt_workspace *work);

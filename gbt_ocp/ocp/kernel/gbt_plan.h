@@ -99,8 +99,8 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
    the previous plan, to be over by one piece when the next state comes, with the forecast of then, and computes and
    factorises all derivatives: nearly all of an iteration. Returns GBT_SOLVED, or GBT_NUMERICAL_FAILURE if that cannot be;
    without a previous plan the latter. When the state is there, gbt_plan_feedback makes one Newton step for it and for the
-   new forecast and gives the plan, one iteration from that; inputs are cut to what the vehicle has. Where nothing is
-   prepared it is gbt_plan. (Diehl, Bock and Schlöder 2005: the real-time iteration.) */
+   new forecast and two iterations more, and gives the plan, whether they have converged or not; inputs are cut to what the
+   vehicle has. Where nothing is prepared it is gbt_plan. (Diehl, Bock and Schlöder 2005: the real-time iteration.) */
 gbt_status gbt_plan_prepare(gbt_planner *planner);
 #if GBT_MOMENTS
 gbt_status gbt_plan_feedback(gbt_planner *planner, const gbt_real *state, const gbt_real *mean,

@@ -4,7 +4,8 @@
 
 #include "gbt_slacks.h"
 
-#define MU_IN_TIME ((gbt_real)1e-3) /* of the one iteration: small ones let the active limits change too slowly */
+#define MU_IN_TIME ((gbt_real)1e-3) /* of these iterations: small ones let the active limits change too slowly */
+#define MORE 2 /* iterations after that, with the state in hand */
 
 gbt_status gbt_plan_prepare(gbt_planner *planner)
 {
@@ -35,7 +36,16 @@ gbt_status gbt_plan_prepare(gbt_planner *planner)
     return planner->ready ? GBT_SOLVED : GBT_NUMERICAL_FAILURE;
 }
 
-/* One Newton step from what is prepared, for a start and the present numbers. */
+/* Cuts the inputs of a piece to what there is. */
+static void cut(gbt_real *inputs)
+{
+    for (int a = 0; a < GBT_FREE; a++) {
+        const gbt_real most = gbt_thrust_max[a % GBT_INPUTS];
+        inputs[a] = inputs[a] > most ? most : inputs[a] < -most ? -most : inputs[a];
+    }
+}
+
+/* One Newton step from what is prepared, for a start and the present numbers, and a few iterations more. */
 static gbt_status feedback(gbt_planner *planner, const gbt_real *start, gbt_plan_result *plan)
 {
     gbt_workspace *work = &planner->work;
@@ -46,19 +56,25 @@ static gbt_status feedback(gbt_planner *planner, const gbt_real *start, gbt_plan
     gbt_lagrangian_gradient(work, work->target);
     gbt_step_from(work, work->pull, change);
 
-    gbt_piece piece;
-    for (int a = 0; a < GBT_STATE; a++) piece[a] = start[a];
+    for (int a = 0; a < GBT_STATE; a++) work->trial[0][a] = start[a];
     for (int i = 0; i < GBT_PIECES; i++) {
-        gbt_follow_gains(work, i, piece, gbt_free(piece, 0));
-        for (int a = 0; a < GBT_FREE; a++) {
-            const gbt_real most = gbt_thrust_max[a % GBT_INPUTS], wanted = *gbt_free(piece, a);
-            plan->top[i][a] = *gbt_free(piece, a) = wanted > most ? most : wanted < -most ? -most : wanted;
-        }
-        gbt_next_piece(piece, piece);
+        gbt_follow_gains(work, i, 1, work->trial[i], gbt_free(work->trial[i], 0));
+        cut(gbt_free(work->trial[i], 0));
+        gbt_next_piece(work->trial[i], work->trial[i + 1]);
+    }
+    for (int i = 0; i < GBT_PIECES; i++)
+        for (int a = 0; a < GBT_PIECE; a++) work->piece[i][a] = work->trial[i][a];
+    gbt_propagate(work->piece, GBT_PIECES);
+    gbt_result more;
+    more.iterations = 1;
+    gbt_minimise(planner->settings.tolerance, MU_IN_TIME, gbt_last_barrier(&planner->settings), MORE, work, &more);
+    for (int i = 0; i < GBT_PIECES; i++) {
+        cut(gbt_free(work->piece[i], 0));
+        for (int a = 0; a < GBT_FREE; a++) plan->top[i][a] = *gbt_free(work->piece[i], a);
     }
     plan->status = GBT_SOLVED;
     plan->origin = GBT_PLANNED;
-    plan->iterations = 1;
+    plan->iterations = more.iterations;
     plan->tightened = 0;
     gbt_broken_at_start(start, moving, plan->broken_at_start);
     judge(planner, start, moving, plan);
