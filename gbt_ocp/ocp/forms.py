@@ -12,12 +12,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-<<<<<<< HEAD
-from gbt_ocp.ocp.dynamics import Dynamics, integrated
-=======
 from gbt_ocp.models.dynamics import Dynamics, integrated
-from gbt_ocp.ocp.limits import ThrustLimit
->>>>>>> n-shoot
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ProblemData, ShootingData
 from gbt_ocp.ocp.terms import Constraint, Objective
 from gbt_ocp.ocp.thrust_limits import ThrustLimit
