@@ -265,7 +265,10 @@ def extended(
     section: sections.ExtendedKalmanSection, prior: PositionPrior, sensor: BearingSensor
 ) -> ExtendedKalmanFilter:
     """Kind ``ekf``."""
-    return ExtendedKalmanFilter(
+    made = ExtendedKalmanFilter
+    if section.engine == "compiled":
+        from gbt_ocp.pilot.compiled_ekf import CompiledExtendedKalmanFilter as made  # noqa: N813
+    return made(
         _first_guess(section, prior),
         process_noise=section.process_noise,
         bearing_std=math.radians(section.bearing_std_deg),

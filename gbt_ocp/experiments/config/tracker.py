@@ -288,6 +288,9 @@ class ExtendedKalmanSection(ExtendedSection):
     """Extended Kalman filter."""
 
     kind: Literal["ekf"] = key(..., "Extended Kalman filter.")
+    engine: Literal["numpy", "compiled"] = key(
+        "numpy", "What does its arithmetic: numpy, or the C that codegen --pilot writes."
+    )
 
 
 class InteractingExtendedSection(ExtendedSection):

@@ -1,0 +1,33 @@
+/* The tracker of this pilot, under names that do not say which. */
+#ifndef GBT_TRACKER_H
+#define GBT_TRACKER_H
+
+#include "gbt_ekf.h"
+
+GBT_BEGIN_C
+
+typedef gbt_ekf gbt_tracker;
+
+extern const gbt_ekf_settings gbt_tracker_settings; /* generated, in gbt_pilot_settings.c */
+
+static inline void gbt_tracker_begin(gbt_tracker *tracker, const gbt_real *start)
+{
+    gbt_ekf_begin(tracker, &gbt_tracker_settings, start);
+}
+
+static inline int gbt_tracker_take(gbt_tracker *tracker, const gbt_sighting *sighting)
+{
+    return gbt_ekf_take(tracker, &gbt_tracker_settings, sighting);
+}
+
+static inline void gbt_tracker_predict(const gbt_tracker *tracker, double time, gbt_real *mean, gbt_real *covariance)
+{
+    gbt_ekf_predict(tracker, &gbt_tracker_settings, time, mean, covariance);
+}
+
+/* How often a new track has begun after a gap. */
+static inline int gbt_new_tracks(const gbt_tracker *tracker) { return tracker->gaps.count; }
+
+GBT_END_C
+
+#endif
