@@ -11,6 +11,7 @@ import argparse
 import numpy as np
 
 from gbt_ocp.models import Measurement
+from gbt_ocp.studies.scenarios.bearing_angle import STEP, to_and_fro
 from gbt_ocp.tracking import ExtendedKalmanFilter, LogNormal, RangedPrior, take_in
 from gbt_ocp.tracking.filters.ekf import FirstGuess
 
@@ -87,7 +88,8 @@ def towards_a_still_target(runs, sizes=True):
     errors = []
     for seed in range(runs):
         rng = np.random.default_rng(seed)
-        target, place, speed = np.array([0.0, 10.0]), 5.0, 4.0
+        own, still = to_and_fro(201, 10.0)
+        target = still[0]
         prior = RangedPrior(np.zeros(2), np.array([0.0, 8.0]), 0.08 * np.eye(2), range=3.0)
         tracker = ExtendedKalmanFilter(
             FirstGuess(prior, 1.0, np.sqrt(0.08)),
@@ -96,14 +98,13 @@ def towards_a_still_target(runs, sizes=True):
             size=LogNormal(0.8, np.sqrt(0.08) / 0.8),
         )
         for k in range(201):
-            t, pose = 0.02 * k, np.array([0.0, place, 0.0])
+            t, pose = STEP * k, np.append(own[k], 0.0)
             line = target - pose[:2]
             azimuth = np.arctan2(line[1], line[0]) + 0.008 * rng.standard_normal()
             take_in(tracker, Measurement(t, "azimuth", azimuth, 0.008).placed(pose))
             if sizes:
                 angle = 2.0 * np.arctan(0.5 / line[1]) + 0.01 * rng.standard_normal()
                 take_in(tracker, Measurement(t, "size", angle, 0.01).placed(pose))
-            place, speed = place + 0.02 * speed, speed + 0.02 * (-2.0 if place >= 5.0 else 2.0)
         errors.append(float(np.linalg.norm(tracker.predict([4.0]).mean[0] - target)))
     return float(np.mean(errors))
 

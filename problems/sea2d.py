@@ -39,13 +39,19 @@ problem = TrackingProblem(
             "solver_options": {"compiled": {"tolerance": 3.0e-3, "gap": 2.0e-3, "deadline": 150}},
         },
         "limits": {
-            "range": {"nearest_m": 30.0, "confidence": 0.9999, "margin_m": 1.5, "spread": "present"},
+            "range": {
+                "nearest_m": 30.0,
+                "confidence": 0.9999,
+                "margin_m": 1.5,
+                "target_speed_max": 2.0,
+                "spread": "present",
+            },
             "speed": 4.0,
             "yaw_rate_deg": 40.0,
             "nodes": 3,
             "hard": ["range", "speed", "yaw_rate"],
         },
-        "desired_bearing": {"period_s": "auto", "phase": "measured"},
+        "desired_bearing": {"period_s": "auto", "phase": "measured", "reverse_s": 12.0},
         "vehicle": {"kind": "fossen", "start": {"range_m": 40.0}},
     },
 )

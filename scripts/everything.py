@@ -1,6 +1,7 @@
 """Run everything that takes long, one after another: the slow tests and every benchmark.
 
     python scripts/everything.py --out runs/everything          # the same command goes on where it stopped
+    python scripts/everything.py --out runs/everything --data docs/data      # and writes the tables that pages quote
     python scripts/everything.py --list
     python scripts/everything.py --out runs/everything --only theory_coverage test_faults
     python scripts/everything.py --out runs/everything --tracks FOLDER   # with CSV files of recorded tracks
@@ -57,6 +58,8 @@ BENCHMARKS = (
     benchmark("theory_counterexamples"),
     benchmark("theory_coverage"),
     benchmark("tracker"),
+    benchmark("measurement_kinds"),
+    benchmark("pilot_foreign_loop"),
     benchmark("objectives"),
     benchmark("follower", "sea2d"),
     benchmark("plant_errors", "sea2d", "case2", "case5"),
@@ -77,6 +80,7 @@ BENCHMARKS = (
     benchmark("single_precision"),
     benchmark("sweep_rate"),
     benchmark("closed_loop", "--seeds", "10", "--jobs", "2", "--out", f"{OUT}/results.md"),
+    Job("public_scenarios", ("-m", "gbt_ocp.cli", "benchmark", "--quiet", "--out", f"{OUT}/benchmark")),
     benchmark("recorded_tracks", TRACKS, "--seeds", "3"),
     Job("sea_run", ("-m", "gbt_ocp.cli", "run", "sea2d", "--quiet", "--out", f"{OUT}/run")),
     benchmark("sea_figure", f"{OUT}/../sea_run/run", "--out", f"{OUT}/sea2d.png"),
@@ -198,6 +202,16 @@ def write_summary(out: Path) -> None:
     temporary.replace(out / "summary.md")
 
 
+def write_tables(job: Job, out: Path, data: Path) -> None:
+    """Write the tables that a job printed, or left as Markdown, as ``DATA/NAME.json``; a job may have none."""
+    folder = out / job.name
+    texts = [folder / "output.txt", *sorted(folder.rglob("*.md"))]
+    if any("|---" in path.read_text(encoding="utf-8", errors="replace") for path in texts):
+        script = str(ROOT / "scripts" / "write_data.py")
+        where = ["--name", job.name, "--result", str(folder / "result.json"), "--data", str(data)]
+        subprocess.run([sys.executable, script, *map(str, texts), *where], check=True)
+
+
 def listing() -> str:
     """Names, commands and times."""
     lines = []
@@ -213,6 +227,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, help="folder of the results")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these alone")
     parser.add_argument("--tracks", metavar="FOLDER", default="", help="recorded tracks, CSV files with t,x,y")
+    parser.add_argument("--data", type=Path, metavar="FOLDER", help="write the tables there too: docs/data")
     parser.add_argument("--list", action="store_true", help="show what there is")
     arguments = parser.parse_args(argv)
     if arguments.list:
@@ -239,6 +254,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             found = carry_out(job, out, arguments.tracks)
             print(f"{job.name}: exit code {found['exit']}, {found['processor_s']:.0f} s of processor", file=sys.stderr)
             write_summary(out)
+            if arguments.data and not found["exit"]:
+                write_tables(job, out, arguments.data.resolve())
             failed += [job.name] if found["exit"] else []
     except KeyboardInterrupt:
         print("interrupted; the same command goes on", file=sys.stderr)

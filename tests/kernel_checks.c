@@ -3,7 +3,6 @@
 #include <stdlib.h>
 
 #include "gbt_pieces.h"
-#include "gbt_riccati.h"
 #include "gbt_slacks.h"
 
 enum { N = GBT_PIECES * GBT_FREE };
@@ -33,7 +32,7 @@ static void gradient(const double *start, const double *x, const double *lambda,
     gbt_differentiate(&work);
     for (int a = 0; a < GBT_PIECES * GBT_PIECE; a++) (&pull[0][0][0])[a] = (&work.gradient[0][0][0])[a];
     gbt_pull_back(&work, lambda, pull);
-    gbt_adjoint(pull, GBT_PIECES, (gbt_real(*)[GBT_FREE])out);
+    gbt_adjoint(&work, pull, (gbt_real(*)[GBT_FREE])out);
 }
 
 /* work.step as the change of the trajectory for a change dx of the L-th derivatives. */

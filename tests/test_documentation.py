@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import importlib.util
 import itertools
 import re
 import shlex
@@ -14,10 +15,7 @@ import yaml
 
 from gbt_ocp.cli import parser as command_line
 from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
-from gbt_ocp.experiments.config.allowed import allowed, is_section, with_sizes
-from gbt_ocp.experiments.config.keys import sections_in
 from gbt_ocp.experiments.config.loading import load_config
-from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.solvers.base import options_for
 from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
@@ -223,34 +221,28 @@ def test_every_misprint_has_its_row_and_its_test():
 # The configuration
 
 
-def keys(model=Configuration, prefix=""):
-    """Key path, default, what is allowed and meaning of every key; a key of several kinds of a section comes once."""
-    found = {}
-    for name, field in model.model_fields.items():
-        path = f"{prefix}{name}"
-        inner = sections_in(field.annotation)
-        if not is_section(field):
-            known = field.default_factory is None and not field.is_required()
-            default = yaml.safe_dump(field.default, default_flow_style=True) if known else ""
-            default = default.replace("\n...", "").strip().replace("!!python/tuple ", "")
-            found[path] = [default, with_sizes(allowed(field), {}), field.description]
-        for section in inner:
-            for key, row in keys(section, f"{path}.").items():
-                if key in found and key.endswith(".kind"):
-                    found[key] = ["", f"{found[key][1]}, {row[1]}", "What it is."]
-                else:
-                    found.setdefault(key, row)
-    return found
+def keys_page():
+    spec = importlib.util.spec_from_file_location("write_keys", ROOT / "docs" / "write_keys.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
 
 
-def key_rows():
-    return [[f"`{path}`", f"`{row[0]}`" if row[0] else "", *row[1:]] for path, row in keys().items()]
+def test_the_tables_of_keys_are_those_of_the_models():
+    """After a change: ``python docs/write_keys.py``."""
+    module = keys_page()
+    every = module.keys()
+    assert DOCUMENTS["docs/configuration.md"] == module.page(), "run: python docs/write_keys.py"
+    assert {module.section_of(key) for key in every} == {module.TOP, *module.TITLES}
 
 
-def test_the_table_of_keys_is_that_of_the_models():
-    """After a change: ``python tests/test_documentation.py`` prints the table."""
-    written = rows(DOCUMENTS["docs/configuration.md"], "| key | default | allowed | meaning |")
-    assert written == key_rows()
+def test_the_tables_of_keys_say_which_kinds_have_a_key():
+    all_keys = keys_page().keys()
+    kinds = {(key.path, key.default): of for key, of in all_keys.items()}
+    assert kinds["tracker.jerk_noise", "0.1"] == ["imm_plkf", "imm_ekf", "imm_kf_f"]
+    assert kinds["sensor.period_s", "0.1"] == ["one alone"]
+    assert kinds["planner.pieces", "5"] == []
 
 
 def test_every_key_is_read():
@@ -262,8 +254,5 @@ def test_every_key_is_read():
                 named.add(node.attr)
             elif isinstance(node, ast.Constant) and isinstance(node.value, str):
                 named.add(node.value)
-    assert [path for path in keys() if path.rpartition(".")[2] not in named] == []
-
-
-if __name__ == "__main__":
-    print("\n".join(f"| {' | '.join(row)} |" for row in key_rows()))
+    every = keys_page().keys()
+    assert [key.path for key in every if key.path.rpartition(".")[2] not in named] == []

@@ -67,3 +67,14 @@ def test_what_is_finished_is_kept_and_what_failed_is_run_again(everything, tmp_p
     assert everything.main(["--out", str(out), "--only", "nobody"]) == 2
     assert everything.main(["--list"]) == 0
     assert capsys.readouterr().out.splitlines()[-1].startswith("boats")
+
+
+def test_tables_that_a_job_printed_become_data(everything, tmp_path, monkeypatch):
+    table = everything.Job("table", ("-c", "print('# Errors\\n\\n| case | m |\\n|---|---|\\n| 1 | 0.5 |')"))
+    plain = everything.Job("plain", ("-c", "print('no table')"))
+    monkeypatch.setattr(everything, "jobs", lambda: [table, plain])
+    assert everything.main(["--out", str(tmp_path / "out"), "--data", str(tmp_path / "data")]) == 0
+    assert [path.name for path in (tmp_path / "data").iterdir()] == ["table.json"]
+    found = json.loads((tmp_path / "data" / "table.json").read_text(encoding="utf-8"))
+    assert found["tables"] == {"errors": {"columns": ["case", "m"], "rows": [["1", "0.5"]]}}
+    assert found["commit"] == everything.machine()["commit"]

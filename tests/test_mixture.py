@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from gbt_ocp.experiments.build.trackers import build_tracker
+from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.models.bearings import rotate_bearing, tangent_basis, unit_bearing
 from gbt_ocp.models.sensors import BearingSensor
@@ -12,9 +13,11 @@ from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
 from gbt_ocp.tracking.displacement.fit import Anchor, DisplacementFit, Node
 from gbt_ocp.tracking.displacement.kernels import DISPLACEMENT_KERNELS
 from gbt_ocp.tracking.displacement.rows import bearing_rows
+from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
+from gbt_ocp.tracking.filters.watched import WatchedFilter
 from gbt_ocp.tracking.mixture import ASTRAY, MixtureTracker, log_density, velocity_scale
 from gbt_ocp.tracking.noise import BearingNoise
-from gbt_ocp.tracking.priors import LogNormal
+from gbt_ocp.tracking.priors import LogNormal, PositionPrior, RangedPrior
 from gbt_ocp.tracking.protocol import Forecast, mixed
 from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
 
@@ -28,6 +31,8 @@ SETTINGS = {
     "turn_rate_std": [0.03],
     "turn_time_s": [25.0],
     "speed_change_std": [0.05],
+    "members": [],
+    "evidence_s": None,
 }
 
 
@@ -327,3 +332,61 @@ def test_a_range_that_the_motion_does_not_tell_is_left_to_its_prior():
     ahead = times[-1] + np.array([0.0, 5.0])
     for found, expected in zip(tracker.predict(ahead), tracker.motion.predict(ahead), strict=True):
         np.testing.assert_allclose(found, expected)
+
+
+# ---- further members ------------------------------------------------------------------------------------------------
+
+
+def test_further_members_are_judged_by_the_same_bins_and_fade():
+    """Weights by hand: sums of the scores of each bin, faded with the age of the bin."""
+    times = 0.1 * np.arange(260)
+    target = np.stack([0.6 * times, 4.0 + 0.2 * times], axis=-1)
+    own = around(target, times)
+    tracker = built(members=["held_turn", "ekf", "imm_ekf"], evidence_s=8.0)
+    lasting = built(members=["held_turn", "ekf", "imm_ekf"])
+    for one in (tracker, lasting):
+        fed(one, times, target, own)
+    begins = np.array([begin for begin, _ in tracker._scores])
+    scores = np.array([score for _, score in tracker._scores])
+    assert scores.shape[1] == 5
+    np.testing.assert_allclose(tracker.log_evidence, np.exp((begins - begins[-1]) / 8.0) @ scores)
+    np.testing.assert_allclose(lasting.log_evidence, scores.sum(axis=0), rtol=1e-9)
+    assert tracker.weights.sum() == pytest.approx(1.0)
+    assert tracker.weights.max() < lasting.weights.max()
+    ahead = times[-1] + np.array([0.0, 5.0])
+    found = tracker.hypotheses_at(ahead)
+    mean, covariance = mixed(np.tile(found.weights[:, None], 2), found.means, found.covariances)
+    forecast = tracker.predict(ahead)
+    np.testing.assert_allclose(mean, forecast.mean, atol=1e-8)
+    np.testing.assert_allclose(covariance, forecast.covariance, atol=0.01 * np.abs(covariance).max())
+    assert np.linalg.norm(forecast.mean[0] - target[-1]) < 2.0
+
+
+def test_a_filter_that_lost_its_track_is_made_again():
+    times = 0.1 * np.arange(600)
+    target = np.stack([0.6 * times, 4.0 + 0.2 * times], axis=-1)
+    own = around(target, times)
+    target = target + np.where(times[:, None] < 30.0, 0.0, np.array([25.0, -40.0]))
+    made = []
+
+    def make(position):
+        made.append(position)
+        prior = RangedPrior(position.start, position.mean, position.covariance, range=40.0)
+        return ExtendedKalmanFilter(FirstGuess(prior, 30.0, 1.0), process_noise=1e-3, bearing_std=SIGMA)
+
+    plain = make(PositionPrior(own[0]))
+    watched = WatchedFilter(make, PositionPrior(own[0]), SIGMA)
+    for one in (plain, watched):
+        fed(one, times, target, own)
+    assert watched.restarts == len(made) - 2 == 1
+    assert np.linalg.norm(watched.predict([times[-1]]).mean[0] - target[-1]) < 3.0
+    steady = WatchedFilter(make, PositionPrior(own[0]), SIGMA)
+    fed(steady, times[:300], target[:300], own[:300])
+    assert steady.restarts == 0
+
+
+def test_members_are_named_once():
+    with pytest.raises(ConfigurationError, match=r"tracker.members: found .*; allowed: a list of held_turn, imm_ekf"):
+        built(members=["ekf", "ekf"])
+    with pytest.raises(ValueError, match=r"forgetting: found 0.0; allowed: a number > 0"):
+        MixtureTracker(built().motion, built().velocity, BearingNoise(SIGMA), forgetting=0.0)

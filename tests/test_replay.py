@@ -14,7 +14,8 @@ from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.logs.read import read_log
 from gbt_ocp.experiments.replay import replay
 from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
-from gbt_ocp.reporting.replay_figures import draw_replay
+from gbt_ocp.reporting import glossary
+from gbt_ocp.reporting.replay_figures import draw_replay, score_table, sensor_table
 from gbt_ocp.reporting.style import CURVES
 
 RECORDED = Path(__file__).resolve().parents[2] / "shared" / "data" / "bearings"
@@ -196,6 +197,10 @@ def test_a_log_becomes_a_track_a_table_and_figures(tmp_path, capsys, dimension):
     assert {file.name for file in (out / "figures").iterdir()} == {"track.png", "range.png", "residuals.png"}
 
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert set(summary) == set(glossary.REPLAY_NUMBERS)
+    assert set(summary["trackers"]["motion_gp"]) == set(glossary.SCORE_NUMBERS)
+    assert set(score_table(summary).columns) - {"tracker"} == set(glossary.SCORE_COLUMNS)
+    assert set(sensor_table(summary).columns) - {"tracker"} == set(glossary.SENSOR_COLUMNS)
     found = summary["trackers"]["motion_gp"]
     assert found["error_median"] < 0.08
     assert found["coverage"] > 0.8

@@ -11,7 +11,7 @@ from PIL import Image
 
 from gbt_ocp.cli import main as cli
 from gbt_ocp.experiments.result import Result
-from gbt_ocp.reporting.run_report import MEANING, write_report
+from gbt_ocp.reporting.run_report import write_report
 
 
 def save(folder, dimension=2, **kind):
@@ -49,7 +49,7 @@ class Cells(HTMLParser):
 def test_the_page_has_the_run_in_it_and_loads_nothing(tmp_path, dimension):
     folder, history = save(tmp_path / "run", dimension)
     text = write_report(folder, tmp_path / "page.html").read_text(encoding="utf-8")
-    assert not re.search(r"https?://|src='(?!data:)|href=|<script|@import|url\(", text)
+    assert not re.search(r"https?://|src='(?!data:)|href=(?!'#)|<script|@import|url\(", text)
     rows = Cells(text).rows
     found = {row[3]: row[0] for row in rows if len(row) == 4}
     summary = synthetic_run.summary(history)
@@ -111,11 +111,6 @@ def test_what_a_user_wrote_is_text_and_no_markup(tmp_path):
     text = write_report(folder, tmp_path / "page.html").read_text(encoding="utf-8")
     assert "<script" not in text
     assert "<b>" not in text
-
-
-def test_meanings_are_of_keys_that_there_are():
-    history = synthetic_run.history(2, steps=30)
-    assert set(MEANING) - {"solver", "thrust_max", "thrust_min"} <= set(synthetic_run.summary(history))
 
 
 @pytest.mark.parametrize("command", ["report", "animate"])

@@ -228,10 +228,12 @@ def test_the_standoff_is_kept_in_closed_loop(dimension):
     assert np.max(np.abs(np.diff(yaw))) / 0.1 < np.deg2rad(40.0) * 1.02
     speed = np.linalg.norm(np.diff(run["vehicle_pose"][:, :dimension], axis=0), axis=1) / 0.1
     assert speed.max() < 4.0 * 1.02
-    # the bearing turns as it should: counter-clockwise, and not much slower than it was asked to
+    # the bearing turns as it should: both ways, and not much slower than it was asked to
     sight = (run["target"] - run["vehicle_pose"][:, :dimension])[400:, :2]
     turned = np.unwrap(np.arctan2(sight[:, 1], sight[:, 0]))
-    assert turned[-1] - turned[0] > 0.4 * 2.0 * np.pi / 80.0 * 30.0  # the forecast jumps; on a quiet one it is 0.9
+    steps = np.diff(turned[::10])
+    assert np.abs(steps).sum() > 0.4 * 2.0 * np.pi / 80.0 * 30.0  # the forecast jumps; on a quiet one it is 0.9
+    assert min(np.sum(steps > 0.0), np.sum(steps < 0.0)) > 0.2 * len(steps)
     if dimension == 3:
         assert run["vehicle_pose"][:, 2].max() < -2.0
 
@@ -293,7 +295,11 @@ def test_crossing_begins_again_when_the_range_is_lost():
 def test_a_turn_that_reverses_is_flown_and_recorded_for_the_generated_code():
     changes = ["desired_bearing.reverse_s=6", "desired_bearing.period_s=90", "guidance.startup_deviation=0"]
     changes += ["limits.range.margin_m=0", "planner.pieces=10", "vehicle.start.range_m=40", "duration_s=32"]
-    changes += ["target.speed=0.2", "limits.range.confidence=0.5"]  # a belief that does not jump
+    changes += [
+        "target.speed=0.2",
+        "limits.range.confidence=0.5",
+        "limits.range.target_speed_max=null",
+    ]  # it does not jump
     tracker = "{kind: ekf, initial_range_m: 40, initial_range_std_m: 1, initial_speed_std: 0.3, forecast_period_s: 1}"
     configuration = load_config("sea2d", [*changes, f"tracker={tracker}"])
     planner = build_planner(configuration, build_vehicle(configuration))

@@ -118,5 +118,9 @@ def test_the_site_builds_without_warnings_and_all_links_lead_somewhere(tmp_path)
             assert file.is_file(), f"{path.relative_to(site)}: {target}"
             if parts.fragment and file in pages and file.name != "notebook.html":
                 assert unquote(parts.fragment) in pages[file].names | {"__skip"}, f"{path.name}: {target}"
+    assert (site / "search" / "search_index.js").read_text(encoding="utf-8").startswith("var __index = {")
+    equations = (site / "equations.html").read_text(encoding="utf-8")
+    assert equations.count('<div class="arithmatex">') > 12
+    assert "$$" not in equations
     for name in ("case2-film.gif", "case5-film.html", "hard-thrust.png"):
         assert (site / "gallery" / name).stat().st_size > 10_000

@@ -33,7 +33,6 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
     from gbt_ocp.experiments.pilot_in_c import pilot_sources
     from gbt_ocp.experiments.recorded_steps import recorded_steps
-    from gbt_ocp.ocp import Planner
     from gbt_ocp.ocp.codegen.library import CompilerError
     from gbt_ocp.ocp.codegen.problem_source import from_moments
     from gbt_ocp.ocp.export.folder import write_c
@@ -41,6 +40,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     from gbt_ocp.ocp.export.names import checked_prefix
     from gbt_ocp.ocp.export.vectors import OFFERED
     from gbt_ocp.ocp.export.verification import verify_folder
+    from gbt_ocp.ocp.problem_data import ProblemData
     from gbt_ocp.ocp.solvers.base import options_beside
 
     section, solver = configuration.planner, arguments.solver
@@ -57,12 +57,14 @@ def _carry_out(arguments: argparse.Namespace) -> int:
         options = options_beside(section.solver, solver, section.solver_options)
         beside = pilot_sources(configuration) if arguments.pilot else {}
         if solver == "compiled":
-            planner = Planner(problem, solver, options)
+            planner = problem.compile(solver, options)
             # of the closed loop; made up only where nothing is planned there, which the moments of a forecast allow
             planned = isinstance(configuration.guidance, PlannerGuidanceSection)
             steps = recorded_steps(configuration, planner, OFFERED) if planned or not from_moments(problem) else None
             write_c(planner, arguments.out, steps, prefix, beside)
         else:
+            if not isinstance(problem, ProblemData):
+                raise ConfigurationError(["planner.form: found shooting with --solver ipopt; allowed: flat"])
             write_ipopt_folder(problem, options, arguments.out, prefix)
     except ConfigurationError:
         raise

@@ -8,6 +8,7 @@ from typing import Any, NoReturn
 import shtab
 
 from gbt_ocp import __version__
+from gbt_ocp.cli.benchmark import BENCHMARK
 from gbt_ocp.cli.check import CHECK
 from gbt_ocp.cli.codegen import CODEGEN
 from gbt_ocp.cli.exit_codes import WRONG_INPUT
@@ -89,7 +90,8 @@ COMPLETION = Subcommand(
 SUBCOMMANDS = {
     subcommand.name: subcommand
     for subcommand in (
-        RUN, COMPARE, SWEEP, REPRODUCE, CODEGEN, ANIMATE, REPORT, REPLAY, NEW, CHECK, COMPLETION, SCHEMA, LIST,
+        RUN, COMPARE, SWEEP, REPRODUCE, BENCHMARK, CODEGEN, ANIMATE, REPORT, REPLAY,
+        NEW, CHECK, COMPLETION, SCHEMA, LIST,
     )
 }  # fmt: skip
 """All subcommands by their names, in the order of ``--help``. To add one: a :class:`Subcommand`, and its name here."""

@@ -21,8 +21,8 @@ from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.codegen.library import CompilerError
 from gbt_ocp.ocp.codegen.problem_source import from_moments
 from gbt_ocp.ocp.plan import Plan
-from gbt_ocp.ocp.planner import Planner
-from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, ProblemData
+from gbt_ocp.ocp.planner import AnyPlanner
+from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem
 from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
@@ -87,7 +87,7 @@ def _remarks(configuration: Configuration) -> list[Remark]:
     if guidance is None:
         return [*found, Remark("guidance", f"{type(loop.guidance).__name__}, which plans nothing")]
     found.extend(_of_terms(guidance.planner.problem))
-    if isinstance(guidance.planner, Planner) and not any(map(_is_joint, guidance.planner.problem.objectives)):
+    if isinstance(guidance.planner, AnyPlanner) and not any(map(_is_joint, guidance.planner.problem.objectives)):
         mean = np.asarray(loop.target.position(forecast_times))
         known = Forecast(mean, np.tile(1e-4 * np.eye(configuration.dimension), (len(mean), 1, 1)))
         found.append(_of_plan(guidance, guidance.planner, start, known))
@@ -115,7 +115,7 @@ def _of_vehicle(vehicle: Vehicle) -> list[Remark]:
     ]
 
 
-def _of_terms(problem: ProblemData) -> list[Remark]:
+def _of_terms(problem: PosedProblem) -> list[Remark]:
     found = [Remark("objective", _described(term)) for term in problem.objectives]
     limits: Sequence[HardLimit | PenaltyLimit] = (*problem.hard, *problem.penalties)
     for limit in limits:
@@ -130,7 +130,7 @@ def _of_terms(problem: ProblemData) -> list[Remark]:
     return found
 
 
-def _of_plan(guidance: PlannedMotion, planner: Planner, start: Array, known: Forecast) -> Remark:
+def _of_plan(guidance: PlannedMotion, planner: AnyPlanner, start: Array, known: Forecast) -> Remark:
     """One plan for a target that is known."""
     guidance.see(None)
     plan = guidance.decide(0.0, start, known)

@@ -12,8 +12,8 @@ from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.guidance.startup import planned_of
-from gbt_ocp.ocp.plan import Plan
-from gbt_ocp.ocp.planner import Planner
+from gbt_ocp.ocp.plan import Plan, ShootingPlan
+from gbt_ocp.ocp.planner import AnyPlanner
 from gbt_ocp.simulation.loop import simulate
 
 
@@ -21,22 +21,24 @@ class _EnoughError(Exception):
     """So many steps are recorded as were asked for."""
 
 
-class _Recorder(Planner):
+class _Recorder(AnyPlanner):
     """A planner that keeps the arguments of its solves, and ends the loop after so many."""
 
-    def __init__(self, planner: Planner, count: int) -> None:
+    def __init__(self, planner: AnyPlanner, count: int) -> None:
         super().__init__(planner.problem, planner.solver)
         self.steps: list[dict[str, Any]] = []
         self._count = count
 
-    def solve(self, state: ArrayLike, forecast: Any = None, desired: ArrayLike | None = None, **data: Any) -> Plan:
+    def solve(
+        self, state: ArrayLike, forecast: Any = None, desired: ArrayLike | None = None, **data: Any
+    ) -> Plan | ShootingPlan:
         if len(self.steps) == self._count:
             raise _EnoughError
         self.steps.append({"state": np.array(state), "forecast": forecast, "desired": desired, **data})
         return super().solve(state, forecast, desired, **data)
 
 
-def recorded_steps(configuration: Configuration, planner: Planner, count: int) -> list[dict[str, Any]]:
+def recorded_steps(configuration: Configuration, planner: AnyPlanner, count: int) -> list[dict[str, Any]]:
     """Run the closed loop of a configuration with this planner until it has solved so often.
 
     Parameters

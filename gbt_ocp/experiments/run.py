@@ -25,7 +25,7 @@ from gbt_ocp.guidance.startup import planner_of
 from gbt_ocp.guidance.strategy import Guidance
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.ocp.codegen.library import CompilerError
-from gbt_ocp.ocp.planner import Planner
+from gbt_ocp.ocp.planner import AnyPlanner, Planner
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
 from gbt_ocp.simulation.loop import simulate, step_count
 from gbt_ocp.simulation.summary import installed_versions, summarise
@@ -143,7 +143,7 @@ def run(
     )
     # the configuration has `auto`, which does not name the solver that was chosen
     planner = planner_of(loop.guidance)
-    summary["solver"] = planner.solver.name if isinstance(planner, Planner) else None
+    summary["solver"] = planner.solver.name if isinstance(planner, AnyPlanner) else None
     afterwards = run_noise_warnings(
         history, configuration.tracker, loop.sensor, configuration.forecast_period, loop.sensors is not None
     )

@@ -15,7 +15,7 @@ from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sizes import at_least
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
-from gbt_ocp.ocp.planner import Planner
+from gbt_ocp.ocp.planner import AnyPlanner
 from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.tracking.protocol import Forecast, JointForecast, WeighedForecasts
 from gbt_ocp.typing import Array
@@ -59,7 +59,7 @@ class PlannedMotion:
 
     def __init__(
         self,
-        planner: Planner | ShootingPlanner,
+        planner: AnyPlanner | ShootingPlanner,
         desired: DesiredBearing | PacedBearing,
         steps: int = 1,
         *,
@@ -78,7 +78,7 @@ class PlannedMotion:
         self._joint = joint
         self._hypotheses = hypotheses
         self._seen: Array | None = None
-        self._plan: Plan | None = None
+        self._plan: Plan | ShootingPlan | None = None
         self._planned_at = 0.0
         self._legs_begun = False
 
@@ -166,7 +166,7 @@ class PlannedMotion:
         if self._hypotheses is not None:
             data["hypotheses"] = self._around(time, forecast, self._hypotheses)
         plan = self.planner.solve(_continued(flat, problem.joined), **data)
-        self._plan, self._planned_at = plan if isinstance(plan, Plan) else None, time
+        self._plan, self._planned_at = plan, time
         return plan
 
     def _elapsed(self, time: float) -> tuple[float, int]:

@@ -18,7 +18,7 @@ from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sizes import not_negative, positive, vector
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
-from gbt_ocp.ocp.planner import Planner
+from gbt_ocp.ocp.planner import AnyPlanner
 from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
@@ -185,7 +185,7 @@ def planned_of(guidance: Guidance) -> PlannedMotion | None:
     return planned if isinstance(planned, PlannedMotion) else None
 
 
-def planner_of(guidance: Guidance) -> Planner | ShootingPlanner | None:
+def planner_of(guidance: Guidance) -> AnyPlanner | ShootingPlanner | None:
     """The planner of an observer strategy that plans, sooner or later."""
     planned = planned_of(guidance)
     return None if planned is None else planned.planner

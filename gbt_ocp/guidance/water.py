@@ -73,12 +73,21 @@ class InWater:
         ahead = self._period * np.arange(len(forecast.mean))
         drifting = Forecast(forecast.mean - ahead[:, None] * velocity, forecast.covariance)
         decision = self.inner.decide(time, through_water(flat, velocity), drifting)
-        if not isinstance(decision, Plan):
+        if not isinstance(decision, Plan | ShootingPlan):
             return decision
         if decision.elapsed == 0.0:
             self._planned_for = velocity
+        if isinstance(decision, ShootingPlan):
+            return replace(decision, knots=self._over_ground(decision.knots, self.planned.planner.problem.period))
         # a plan that is followed on stays the one of the current it was made for
         return replace(decision, trajectory=decision.trajectory.moving(self._planned_for), current=self._planned_for)
+
+    def _over_ground(self, knots: Array, period: float) -> Array:
+        """z and ż at the ends of the periods ``(p+1, 2, n)``, moved with the water for which they were planned."""
+        moved, d = knots.copy(), len(self._planned_for)
+        moved[:, 0, :d] += period * np.arange(len(knots))[:, None] * self._planned_for
+        moved[:, 1, :d] += self._planned_for
+        return moved
 
 
 @dataclass(frozen=True)

@@ -171,8 +171,10 @@ class FossenVehicle:
         speed = np.sqrt(np.asarray(nu, dtype=float) ** 2 + DRAG_SMOOTHING)
         return np.diag(self._linear_drag + self._quadratic_drag * speed)
 
-    def rates(self, state: ArrayLike, thrust: ArrayLike) -> Array:
-        """Time derivative of ``[η, ν]`` ``(2n,)`` under the thrust ``(n,)``."""
+    def rates(self, state: Any, thrust: Any) -> Any:
+        """Time derivative of ``[η, ν]`` ``(2n,)`` under the thrust ``(n,)``; CasADi expressions give one."""
+        if isinstance(state, ca.SX | ca.MX):
+            return self._symbolic_rates(state, thrust)
         # Called a dozen times a step: C(ν)ν and J ν written out cost a fifth of the products with their matrices.
         x, n, m = np.asarray(state, dtype=float), self.flat_dimension, self._inertia
         nu = x[n:]
@@ -186,6 +188,16 @@ class FossenVehicle:
         rates[0], rates[1] = c * u - s * v, s * u + c * v
         rates[n:] = (thrust - resistance) / m
         return rates
+
+    def _symbolic_rates(self, state: Any, thrust: Any) -> Any:
+        """The same in CasADi, from the matrices that :meth:`rates` has written out."""
+        n, m, nu = self.flat_dimension, self._inertia, state[self.flat_dimension :]
+        u, v, r, c, s = nu[0], nu[1], nu[-1], ca.cos(state[n - 1]), ca.sin(state[n - 1])
+        heave = [nu[2]] if n == 4 else []
+        coriolis = ca.vertcat(-m[1] * v * r, m[0] * u * r, *(0.0 for _ in heave), (m[1] - m[0]) * u * v)
+        drag = (ca.DM(self._linear_drag) + ca.DM(self._quadratic_drag) * ca.sqrt(nu**2 + DRAG_SMOOTHING)) * nu
+        earth = ca.vertcat(c * u - s * v, s * u + c * v, *heave, r)
+        return ca.vertcat(earth, (thrust - coriolis - drag) / ca.DM(m))
 
     def state(self, z: ArrayLike, dz: ArrayLike) -> Array:
         """State ``[η, ν]`` ``(2n,)``: Ψ_x of ``eq30``."""

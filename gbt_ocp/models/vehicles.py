@@ -68,6 +68,38 @@ class Vehicle(Protocol):
         """Time derivative of the state under constant inputs: the forward dynamics."""
 
 
+class DrivenVehicle(Protocol):
+    """What a trajectory by integration needs of a vehicle, which need not be flat.
+
+    Attributes
+    ----------
+    position_dimension
+        d, the dimension of the space (2 or 3).
+    flat_dimension
+        n, the first numbers of the state; the first d of them are the position, and a yaw comes after it.
+    thrust_max
+        Limits of the inputs ``(m,)``, all positive.
+    """
+
+    @property
+    def position_dimension(self) -> int:
+        """d, the dimension of the space."""
+
+    @property
+    def flat_dimension(self) -> int:
+        """n, how many numbers of the state the objectives and limits read, with their derivatives."""
+
+    @property
+    def thrust_max(self) -> Array:
+        """Limits of the inputs ``(m,)``."""
+
+    def rates(self, state: Any, thrust: Any) -> Any:
+        """Time derivative of the state under these inputs, a CasADi expression where the state is one."""
+
+    def state(self, z: ArrayLike, dz: ArrayLike) -> Array:
+        """State vector at the first n numbers z and their rates ``(n,)``; what these do not tell is zero."""
+
+
 def acceleration(vehicle: Vehicle, z: Any, dz: Any, inputs: Any) -> Any:
     """The acceleration z̈ ``(n,)`` under given inputs, a CasADi expression of (z, ż, τ).
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.problem_data import PosedProblem
 from gbt_ocp.ocp.term_checks import bound_numbers
 from gbt_ocp.ocp.terms import JointObjective, MovingConstraint, Objective
 from gbt_ocp.ocp.transcription import limit_size
@@ -24,7 +24,7 @@ def stack_parameters(shapes: Mapping[str, tuple[int, int]], bound: Mapping[str, 
 class Binding:
     """Turns the start and the data of a solve into the parameter vector of a :class:`Transcription`."""
 
-    def __init__(self, problem: ProblemData) -> None:
+    def __init__(self, problem: PosedProblem) -> None:
         self.problem = problem
 
     def objective_parameters(self, data: Mapping[str, Any]) -> list[Array]:

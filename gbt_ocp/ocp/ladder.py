@@ -8,20 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gbt_ocp.ocp.braking import BrakingPlanner
-from gbt_ocp.ocp.check import LimitCheck
 from gbt_ocp.ocp.limit_classes import LimitClass, limit_class
-from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.plan_forms import plan_form
+from gbt_ocp.ocp.problem_data import PosedProblem
 from gbt_ocp.ocp.solvers.base import GIVEN_UP, OUT_OF_ITERATIONS, PlannerStep, Solution, Solver
-from gbt_ocp.ocp.trajectory import FlatTrajectory, settling
-from gbt_ocp.ocp.transcription import input_scale
 from gbt_ocp.typing import Array
 
 TIGHTENINGS = 4
 """How often limits may be tightened in one attempt."""
-
-ASIDE = 1.0e-5
-"""Thrust to one side where a cold solve begins, as a share of the full thrust."""
 
 FEASIBILITY = 1.0e-6
 """Limits besides thrust count as kept up to this, in their units."""
@@ -43,8 +37,8 @@ class _Attempt(NamedTuple):
     """
 
     status: str
-    trajectory: FlatTrajectory | None
-    unfinished: FlatTrajectory | None
+    trajectory: Any
+    unfinished: Any
     iterations: int
     tightened: int
 
@@ -66,10 +60,10 @@ class Ladder:
         Any.
     """
 
-    def __init__(self, problem: ProblemData, solver: Solver) -> None:
-        self._problem, self._solver = problem, solver
-        self._scale, self._check = input_scale(problem), LimitCheck(problem)
-        self._braking = BrakingPlanner(problem)
+    def __init__(self, problem: PosedProblem, solver: Solver) -> None:
+        self._solver = solver
+        self._form = plan_form(problem)
+        self._scale, self._check = self._form.scale, self._form.check
         self._thrust = np.array([limit_class(problem, c) == LimitClass.THRUST for c in problem.constraints], dtype=bool)
         self._judged = np.array(problem.judged, dtype=bool)
         self._hard = np.arange(len(self._judged)) < len(problem.hard)
@@ -84,9 +78,8 @@ class Ladder:
     ) -> PlannerStep:
         """See :class:`gbt_ocp.ocp.solvers.base.PlansSteps`."""
         given = _Given(start, objectives, limits, self._check.at_start(start, limits))
-        period = self._problem.period
-        rest = None if previous is None else np.vstack([previous[1:], np.zeros_like(previous[:1])])
-        coasting = cold_guess(self._problem, start)
+        rest = None if previous is None else self._form.rest(previous)
+        coasting = self._form.coasting(start)
         first = self._attempt(given, coasting if rest is None else rest / self._scale, cold=rest is None)
         fallback, trajectory = "", first.trajectory
         iterations, tightened, unfinished = first.iterations, first.tightened, first.unfinished
@@ -95,7 +88,7 @@ class Ladder:
             fallback, trajectory = "unfinished", unfinished
         if trajectory is None and rest is not None:
             # From where the vehicle really is, which is where the previous plan led unless it was pushed.
-            candidate = FlatTrajectory(period, start, rest)
+            candidate = self._form.trajectory(start, rest)
             if self._keeps(given, candidate):
                 fallback, trajectory = "shifted", candidate
         if trajectory is None and rest is not None:
@@ -106,11 +99,11 @@ class Ladder:
         if trajectory is None and unfinished is not None and self._keeps(given, unfinished, thrust_only=True):
             fallback, trajectory = "unfinished", unfinished
         if trajectory is None:
-            fallback, trajectory = "braking", self._braking(start)
+            fallback, trajectory = "braking", self._form.trajectory(start, self._form.braking(start))
         return self._judge(given, trajectory, first.status, fallback, iterations, tightened)
 
     def _judge(
-        self, given: _Given, trajectory: FlatTrajectory, status: str, fallback: str, iterations: int, tightened: int
+        self, given: _Given, trajectory: Any, status: str, fallback: str, iterations: int, tightened: int
     ) -> PlannerStep:
         """What the limits say of the plan, and which of them had to give."""
         fine = self._check.survey(trajectory, given.limits)
@@ -130,7 +123,7 @@ class Ladder:
             broken_at_start=given.broken,
         )
 
-    def _keeps(self, given: _Given, trajectory: FlatTrajectory, *, thrust_only: bool = False) -> bool:
+    def _keeps(self, given: _Given, trajectory: Any, *, thrust_only: bool = False) -> bool:
         """Whether the first piece keeps the limits but for what cannot be helped: those on thrust, or all."""
         excess = self._excess(given, self._check.survey(trajectory, given.limits)[:, 0])
         return not np.any(excess[self._thrust] > 0.0 if thrust_only else excess > 0.0)
@@ -152,7 +145,7 @@ class Ladder:
         """
         count = len(self._judged)
         tightening, before = np.zeros(count), np.full(count, np.inf)
-        usable: FlatTrajectory | None = None
+        usable: Any = None
         iterations = tightened = 0
         while True:
             solution = self._answer(given, guess, cold, tightening)
@@ -162,8 +155,8 @@ class Ladder:
                 status = "not finite"
             if not solution.solved or status == "not finite":
                 break
-            trajectory = FlatTrajectory(self._problem.period, given.start, solution.variables * self._scale)
-            first = FlatTrajectory(self._problem.period, given.start, trajectory.top[:1])
+            trajectory = self._form.trajectory(given.start, solution.variables * self._scale)
+            first = self._form.trajectory(given.start, trajectory.top[:1])
             excess = self._excess(given, self._check.survey(first, given.limits)[:, 0])
             nodes = self._check.survey(first, given.limits, nodes=True)[:, 0]
             again = (excess > 0.0) & (self._thrust | (~(self._hard & (nodes > FEASIBILITY)) & (excess <= 0.5 * before)))
@@ -182,7 +175,7 @@ class Ladder:
         unfinished = None
         variables = solution.variables
         if status in OUT_OF_ITERATIONS and np.shape(variables) == guess.shape and np.all(np.isfinite(variables)):
-            unfinished = FlatTrajectory(self._problem.period, given.start, variables * self._scale)
+            unfinished = self._form.trajectory(given.start, variables * self._scale)
         return _Attempt(status, None, unfinished, iterations, tightened)
 
     def _answer(self, given: _Given, guess: Array, cold: bool, tightening: Array) -> Solution:
@@ -199,17 +192,3 @@ class Ladder:
         if found.solved and np.shape(found.variables) != guess.shape:
             return Solution(guess, False, "answer of a wrong shape", found.iterations)
         return found
-
-
-def cold_guess(problem: ProblemData, start: Array) -> Array:
-    """Where a cold solve begins, u ``(p, freedoms)``: constant velocity, and a little thrust to one side.
-
-    From a start that is symmetric, as dead ahead of an obstacle, Newton's steps are so too, and may end on a ridge
-    between two plans. Inherited accelerations settle there. The generated C has the same (``gbt_coast``).
-    """
-    top, n, knot = np.zeros((problem.pieces, problem.freedoms)), start.shape[1], start
-    aside = ASIDE / np.sqrt(np.arange(1, n + 1)) * problem.vehicle.acceleration_scale
-    for piece in top:
-        piece[:n] = settling(knot, 2, aside, problem.period)
-        knot = FlatTrajectory(problem.period, knot, piece[None]).knots[1]
-    return top / input_scale(problem)

@@ -6,8 +6,9 @@ from enum import IntEnum
 
 import casadi as ca
 
-from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.problem_data import PosedProblem
 from gbt_ocp.ocp.terms import Constraint, MovingConstraint, is_believed
+from gbt_ocp.ocp.thrust_limits import ThrustLimit
 from gbt_ocp.ocp.trajectory import FlatPoint
 
 
@@ -33,10 +34,12 @@ CLASS_RATIO = 10.0
 """Weight of a hard limit over that of one of the class that gives before it."""
 
 
-def limit_class(problem: ProblemData, constraint: Constraint) -> LimitClass:
+def limit_class(problem: PosedProblem, constraint: Constraint) -> LimitClass:
     """The class of a constraint, which follows from what it depends on."""
     if is_believed(constraint):
         return LimitClass.BELIEVED
+    if isinstance(constraint, ThrustLimit):
+        return LimitClass.THRUST
     point = FlatPoint(*(ca.SX.sym(name, problem.vehicle.flat_dimension) for name in ("z", "dz", "ddz")))
     if isinstance(constraint, MovingConstraint):
         numbers = {name: ca.SX.sym(name, *shape) for name, shape in constraint.shapes.items()}
@@ -47,7 +50,7 @@ def limit_class(problem: ProblemData, constraint: Constraint) -> LimitClass:
     return LimitClass.THRUST if moved else LimitClass.CERTAIN
 
 
-def hard_weights(problem: ProblemData) -> list[float]:
+def hard_weights(problem: PosedProblem) -> list[float]:
     """Weight of each hard limit's l1 penalty, in units of :data:`LIMIT_WEIGHT`."""
     classes = [limit_class(problem, limit.constraint) for limit in problem.hard]
     present = sorted(set(classes), reverse=True)
@@ -55,7 +58,7 @@ def hard_weights(problem: ProblemData) -> list[float]:
     return [first * CLASS_RATIO ** present.index(found) for found in classes]
 
 
-def limit_names(problem: ProblemData) -> tuple[str, ...]:
+def limit_names(problem: PosedProblem) -> tuple[str, ...]:
     """What the constraints of a problem are called, each by another name.
 
     That is their attribute ``name``, or the name of their class; equal ones are numbered from the second on.

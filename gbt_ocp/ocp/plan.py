@@ -110,9 +110,16 @@ class ShootingPlan:
     held
         The unknowns of the solver ``(p, m)``: inputs in units of their limits.
     fallback
-        ``""``, ``cold`` (a cold solve), ``shifted`` (the rest of the previous plan) or ``coasting`` (no thrust).
-    status, objective, violation, piece_violation, iterations, solve_time, tightened
-        As in a :class:`Plan`; held inputs never need tightened limits.
+        ``""``, ``cold`` (a cold solve), ``shifted`` (the rest of the previous plan), ``unfinished``, ``braking`` or
+        ``coasting`` (no thrust).
+    status, objective, violation, piece_violation, iterations, solve_time, tightened, given_up, broken_at_start
+        As in a :class:`Plan`; limits on the inputs never need to be tightened.
+    thrust_end
+        Inputs at the end of each period ``(p, m)``, where they change linearly over it; ``None`` where they are held.
+    period
+        Seconds of each period; ``None`` where it is that of the samples.
+    elapsed
+        Seconds of the plan that lie behind: 0 for one just made, more for one that is followed on.
     """
 
     thrust: Array
@@ -126,6 +133,19 @@ class ShootingPlan:
     solve_time: float
     fallback: str = ""
     tightened: int = 0
+    given_up: Mapping[str, float] = field(default_factory=dict)
+    broken_at_start: Mapping[str, float] = field(default_factory=dict)
+    thrust_end: Array | None = None
+    period: float | None = None
+    elapsed: float = 0.0
+
+    def applied(self, duration: float) -> tuple[Array, Array]:
+        """Inputs now and ``duration`` seconds later ``(m,)``, within the first period."""
+        first = self.thrust[0]
+        if self.thrust_end is None:
+            return first, first
+        change = (self.thrust_end[0] - first) / (duration if self.period is None else self.period)
+        return first + self.elapsed * change, first + (self.elapsed + duration) * change
 
     @property
     def solved(self) -> bool:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from gbt_ocp.models.sizes import at_least, positive
-from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.models.vehicles import DrivenVehicle, Vehicle
 from gbt_ocp.ocp.terms import Constraint, JointObjective, Objective, is_believed
 
 
@@ -36,20 +37,56 @@ def joined_derivatives(degree: int, continuity: int | None) -> int:
 
 
 @dataclass(frozen=True)
-class ProblemData:
-    """Vehicle, horizon, objectives and limits of a trajectory problem.
+class PosedProblem:
+    """Vehicle, horizon, objectives and limits of a problem, whatever form its trajectory has."""
+
+    vehicle: DrivenVehicle
+    pieces: int
+    period: float
+    objectives: tuple[Objective | JointObjective, ...] = field(default=(), kw_only=True)
+    hard: tuple[HardLimit, ...] = field(default=(), kw_only=True)
+    penalties: tuple[PenaltyLimit, ...] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        at_least("pieces", self.pieces, 1)
+        positive("period", self.period)
+
+    @property
+    def freedoms(self) -> int:
+        """Unknowns of a piece."""
+        raise NotImplementedError
+
+    @property
+    def joined(self) -> int:
+        """How many derivatives of the flat output, itself included, a start has."""
+        raise NotImplementedError
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """Every constraint, however it is treated."""
+        return (*(limit.constraint for limit in self.hard), *(soft.constraint for soft in self.penalties))
+
+    @property
+    def judged(self) -> tuple[bool, ...]:
+        """For each constraint, whether a piece that breaks it is never executed.
+
+        Not so a penalty on what is only believed: a forecast may jump so that no plan keeps a distance from it, and
+        then the plan that does its best is better than none.
+        """
+        soft = (not is_believed(limit.constraint) for limit in self.penalties)
+        return (*(True for _ in self.hard), *soft)
+
+
+@dataclass(frozen=True)
+class ProblemData(PosedProblem):
+    """A problem of flat trajectories.
 
     See :class:`gbt_ocp.ocp.problem.TrajectoryProblem` for the parameters.
     """
 
     vehicle: Vehicle
-    pieces: int
-    period: float
     degree: int = 2
     continuity: int | None = None
-    objectives: tuple[Objective | JointObjective, ...] = field(default=(), kw_only=True)
-    hard: tuple[HardLimit, ...] = field(default=(), kw_only=True)
-    penalties: tuple[PenaltyLimit, ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
         at_least("pieces", self.pieces, 1)
@@ -68,17 +105,29 @@ class ProblemData:
         """Unknowns of a piece: its derivatives from :attr:`joined` to L, each of the size of the flat output."""
         return (self.degree + 1 - self.joined) * self.vehicle.flat_dimension
 
-    @property
-    def constraints(self) -> tuple[Constraint, ...]:
-        """Every constraint, however it is treated."""
-        return (*(limit.constraint for limit in self.hard), *(soft.constraint for soft in self.penalties))
+
+@dataclass(frozen=True)
+class ShootingData(PosedProblem):
+    """A problem of trajectories that follow from the inputs by integration.
+
+    See :class:`gbt_ocp.ocp.shooting_problem.ShootingProblem` for the parameters.
+    """
+
+    thrust: Literal["held", "linear"] = "held"
+    steps: int = 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.thrust not in ("held", "linear"):
+            raise ValueError(f"thrust: found {self.thrust!r}; allowed: held, linear")
+        at_least("steps", self.steps, 1)
 
     @property
-    def judged(self) -> tuple[bool, ...]:
-        """For each constraint, whether a piece that breaks it is never executed.
+    def joined(self) -> int:
+        """How many derivatives of the flat output a start has: z and its rate."""
+        return 2
 
-        Not so a penalty on what is only believed: a forecast may jump so that no plan keeps a distance from it, and
-        then the plan that does its best is better than none.
-        """
-        soft = (not is_believed(limit.constraint) for limit in self.penalties)
-        return (*(True for _ in self.hard), *soft)
+    @property
+    def freedoms(self) -> int:
+        """Unknowns of a piece: its inputs, or those at both of its ends."""
+        return len(self.vehicle.thrust_max) * (1 if self.thrust == "held" else 2)

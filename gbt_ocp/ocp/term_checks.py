@@ -25,7 +25,7 @@ from gbt_ocp.models.contracts import (
     reason,
     shown,
 )
-from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.models.vehicles import DrivenVehicle
 from gbt_ocp.ocp.terms import Constraint, JointObjective, MissingDataError, MovingConstraint, Objective
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.typing import Array
@@ -33,7 +33,7 @@ from gbt_ocp.typing import Array
 BAND = "to hold a quantity give it a band, such as 0.001 on either side"
 
 
-def check_objective(objective: Objective | JointObjective, vehicle: Vehicle, pieces: int) -> None:
+def check_objective(objective: Objective | JointObjective, vehicle: DrivenVehicle, pieces: int) -> None:
     """Evaluate an objective once.
 
     Parameters
@@ -67,7 +67,7 @@ def check_objective(objective: Objective | JointObjective, vehicle: Vehicle, pie
         _check_moments(objective, "from_moments", {"mean": 1, "root": 0, "desired": 1}, shapes, vehicle)
 
 
-def check_constraint(constraint: Constraint, vehicle: Vehicle) -> None:
+def check_constraint(constraint: Constraint, vehicle: DrivenVehicle) -> None:
     """Evaluate a constraint once, and hold the sizes of its bounds against what it gives.
 
     Parameters
@@ -143,7 +143,7 @@ def _given(data: Mapping[str, Any]) -> str:
     return ", ".join(sorted(name for name, value in data.items() if value is not None)) or "nothing"
 
 
-def _check_dimension(term: object, vehicle: Vehicle) -> None:
+def _check_dimension(term: object, vehicle: DrivenVehicle) -> None:
     """A term that says in how many dimensions it is must agree with the vehicle; its slices would miss otherwise."""
     if has(term, "dimension"):
         found, d = member(term, "dimension", "the dimension of the space"), vehicle.position_dimension
@@ -201,7 +201,7 @@ def _check_bounds(constraint: object, size: int) -> None:
 
 
 def _check_moments(
-    term: object, name: str, inputs: Mapping[str, int], shapes: Mapping[str, tuple[int, int]], vehicle: Vehicle
+    term: object, name: str, inputs: Mapping[str, int], shapes: Mapping[str, tuple[int, int]], vehicle: DrivenVehicle
 ) -> None:
     """Evaluate what makes the parameters of moments; inputs are vectors (1) or matrices (0)."""
     d = vehicle.position_dimension

@@ -8,7 +8,7 @@ are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.limit_classes import LIMIT_WEIGHT, LimitClass, hard_weights, limit_class
-from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ProblemData
 from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective
 from gbt_ocp.ocp.trajectory import FlatPoint, propagate
 from gbt_ocp.typing import Array
@@ -79,7 +79,7 @@ def between_knots(knots: Any, shares: Array) -> list[Any]:
     return [np.stack(parts, axis=1) if isinstance(knots, np.ndarray) else ca.horzcat(*parts)]
 
 
-def objective_function(problem: ProblemData, objective: Objective) -> ca.Function:
+def objective_function(problem: PosedProblem, objective: Objective) -> ca.Function:
     """(z, ż, z̈, parameters) -> the term at one endpoint; the parameters are stacked column by column."""
     point = point_symbols(problem.vehicle.flat_dimension)
     stacked = ca.SX.sym("p", stacked_size(objective.shapes))
@@ -87,7 +87,7 @@ def objective_function(problem: ProblemData, objective: Objective) -> ca.Functio
     return ca.Function("objective", [*point, stacked], [value], ["z", "dz", "ddz", "p"], ["value"])
 
 
-def objective_total(problem: ProblemData, objective: Objective | JointObjective) -> ca.Function:
+def objective_total(problem: PosedProblem, objective: Objective | JointObjective) -> ca.Function:
     """(Z, Ż, Z̈, parameters), one endpoint a column, -> the term of all endpoints together."""
     if not isinstance(objective, JointObjective):
         single = objective_function(problem, objective).map(problem.pieces)
@@ -120,10 +120,12 @@ def first_free_node(problem: ProblemData, constraint: Constraint) -> int:
 class Transcription:
     """The nonlinear program ``min objective + penalty`` subject to ``lower <= limits <= upper``.
 
-    ``variables`` is u, piece by piece ``(freedoms p,)``; ``parameters`` stacks the start, the parameters of the
-    objectives and of the constraints, and (ϖ, w_p, tightening) of each penalty. The penalty is ``Σ cost g(excess)``
-    with g of half width ``width``. ``weight`` is the price of a violation of one unit of each limit that may give for
-    others, infinite of those that may not; ``rows`` says how many rows of ``limits`` each hard limit has.
+    ``variables`` is u, piece by piece ``(freedoms p,)``. ``inner`` are further unknowns that follow from u where
+    ``defects`` are zero, the states of multiple shooting; ``led_to`` gives them from the start and u. ``parameters``
+    stacks the start, the parameters of the objectives and of the constraints, and (ϖ, w_p, tightening) of each penalty.
+    The penalty is ``Σ cost g(excess)`` with g of half width ``width``. ``weight`` is the price of a violation of one
+    unit of each limit that may give for others, infinite of those that may not; ``rows`` says how many rows of
+    ``limits`` each hard limit has.
     """
 
     variables: ca.MX
@@ -139,6 +141,9 @@ class Transcription:
     scale: Array
     weight: Array
     rows: tuple[int, ...]
+    inner: ca.MX
+    defects: ca.MX
+    led_to: ca.Function | None
 
     def inward(self, tightening: ArrayLike) -> Array:
         """By how much a tightening moves the bound of each row of ``limits``.
@@ -161,8 +166,8 @@ class Transcription:
         Limits that may give for others have slacks ``l >= 0`` as further unknowns, the last ones, at an exact l1 price:
         ``limits - l <= upper`` in their place among the limits, ``limits + l >= lower`` after everything else.
         """
-        plain = {"x": self.variables, "p": self.parameters, "f": -self.objective + self.penalty, "g": self.limits}
-        return self._with_slacks(plain)
+        plain = {"f": -self.objective + self.penalty, "x": ca.vertcat(self.variables, self.inner)}
+        return self._with_slacks(plain | {"p": self.parameters, "g": ca.vertcat(self.limits, self.defects)})
 
     def _with_slacks(self, nlp: dict[str, ca.MX]) -> dict[str, ca.MX]:
         rows = self.giving
@@ -191,12 +196,30 @@ class Transcription:
         size = self.excess.numel()
         s, e = ca.MX.sym("s", size), ca.MX.sym("e", size)
         elastic = {
-            "x": ca.vertcat(self.variables, s, e),
+            "x": ca.vertcat(self.variables, self.inner, s, e),
             "p": self.parameters,
             "f": -self.objective + ca.dot(self.cost, s + e**2 / (4.0 * self.width)),
-            "g": ca.vertcat(self.limits, s + e - self.excess - self.width),
+            "g": ca.vertcat(self.limits, self.defects, s + e - self.excess - self.width),
         }
         return self._with_slacks(elastic)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The unknowns of a form, and what objectives and constraints are of them.
+
+    ``ends`` are z, ż, z̈ at the endpoints, one a column; ``values`` gives a constraint, by its number, at these shares
+    of every piece, one a column, for its numbers at the knots; ``grid`` gives the intervals of a limit, the first node
+    of them that counts, and a factor of its weight. For the rest see :class:`Transcription`.
+    """
+
+    variables: ca.MX
+    inner: ca.MX
+    defects: ca.MX
+    start: ca.MX
+    ends: Sequence[ca.MX]
+    values: Callable[[int, Array, ca.MX], ca.MX]
+    grid: Callable[[HardLimit | PenaltyLimit], tuple[int, int, float]]
 
 
 def transcribe(problem: ProblemData) -> Transcription:
@@ -215,12 +238,27 @@ def transcribe(problem: ProblemData) -> Transcription:
         points = [propagate(knots[i], free[i], float(s)) for i in range(p) for s in times]
         return [ca.horzcat(*(point[order] for point in points)) for order in range(3)]
 
-    parameters, objective = [ca.vec(start)], ca.MX(0)
+    def values(number: int, shares: Array, moving: ca.MX) -> ca.MX:
+        function = constraint_function(problem, problem.constraints[number])
+        return function.map(p * len(shares))(*at(problem.period * shares), *between_knots(moving, shares))
+
+    def grid(limit: HardLimit | PenaltyLimit) -> tuple[int, int, float]:
+        hard = isinstance(limit, HardLimit)
+        return limit.nodes, first_free_node(problem, limit.constraint) if hard else 0, 1.0
+
+    none, ends = ca.MX(0, 1), at(np.array([problem.period]))
+    return assembled(problem, Layout(variables, none, none, start, ends, values, grid), None)
+
+
+def assembled(problem: PosedProblem, layout: Layout, led_to: ca.Function | None) -> Transcription:
+    """The nonlinear program of a problem in any form."""
+    p = problem.pieces
+    parameters, objective = [ca.vec(layout.start)], ca.MX(0)
     for term in problem.objectives:
         function = objective_total(problem, term)
         values = ca.MX.sym("p", function.size1_in(3), p)
         parameters.append(ca.vec(values))
-        objective += function(*at(np.array([problem.period])), values)
+        objective += function(*layout.ends, values)
 
     moving = {}
     for number, constraint in enumerate(problem.constraints):
@@ -232,14 +270,12 @@ def transcribe(problem: ProblemData) -> Transcription:
         settings = ca.MX.sym("penalty", 3)
         parameters.append(settings)
         width, w_p, tightening = ca.vertsplit(settings)
-        c = soft.constraint
-        function = constraint_function(problem, c)
-        shares = np.linspace(0.0, 1.0, soft.nodes + 1)
-        columns = [*at(problem.period * shares), *between_knots(moving[number], shares)]
-        values = function.map(p * len(shares))(*columns)
+        c, (intervals, first, share) = soft.constraint, layout.grid(soft)
+        shares = np.linspace(0.0, 1.0, intervals + 1)[first:]
+        values = layout.values(number, shares, moving[number])
         inside = ca.DM(c.backoff) + tightening * ca.DM(c.scale)
-        step = problem.period / soft.nodes
-        weights = ca.DM(np.tile(trapezoid_weights(soft.nodes) * step, p))
+        step = share * problem.period / intervals
+        weights = ca.DM(np.tile(trapezoid_weights(intervals)[first:] * step, p))
         for bound, sign in ((c.upper, 1.0), (c.lower, -1.0)):
             rows = np.flatnonzero(np.isfinite(bound)).tolist()
             if rows:
@@ -253,11 +289,9 @@ def transcribe(problem: ProblemData) -> Transcription:
 
     limits, lower, upper, scale, weight = [], [], [], [], []
     for number, (limit, price) in enumerate(zip(problem.hard, hard_weights(problem), strict=True)):
-        c = limit.constraint
-        shares = np.linspace(0.0, 1.0, limit.nodes + 1)[first_free_node(problem, c) :]
-        function = constraint_function(problem, c)
-        columns = [*at(problem.period * shares), *between_knots(moving[number], shares)]
-        limits.append(ca.vec(function.map(p * len(shares))(*columns)))
+        c, (intervals, first, _) = limit.constraint, layout.grid(limit)
+        shares = np.linspace(0.0, 1.0, intervals + 1)[first:]
+        limits.append(ca.vec(layout.values(number, shares, moving[number])))
         lower.append(np.tile(c.lower + c.backoff, p * len(shares)))
         upper.append(np.tile(c.upper - c.backoff, p * len(shares)))
         scale.append(np.tile(c.scale, p * len(shares)))
@@ -265,7 +299,7 @@ def transcribe(problem: ProblemData) -> Transcription:
         weight.append(np.full(len(scale[-1]), np.inf if thrust else LIMIT_WEIGHT * price))
     empty = [np.zeros(0)]
     return Transcription(
-        variables,
+        layout.variables,
         ca.vertcat(*parameters),
         objective,
         ca.dot(cost, smoothed_hinge(excess, width)),
@@ -278,6 +312,9 @@ def transcribe(problem: ProblemData) -> Transcription:
         np.concatenate(scale or empty),
         np.concatenate(weight or empty),
         tuple(len(part) for part in scale),
+        layout.inner,
+        layout.defects,
+        led_to,
     )
 
 

@@ -16,7 +16,7 @@ from gbt_ocp.guidance.startup import CrossFirst
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sensors import SimulatedSensor
 from gbt_ocp.ocp.codegen.problem_source import from_moments
-from gbt_ocp.ocp.planner import Planner
+from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.pilot.pilot_parts import PilotParts
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter
 
@@ -89,7 +89,9 @@ def _guidance(parts: PilotParts) -> tuple[dict[str, Any], dict[str, int]]:
         found = type(planned).__name__
         raise ValueError(f"guidance: found {found}; allowed in C: a planner in still water (vehicle.current: none)")
     planner = planned.planner
-    if not isinstance(planner, Planner) or not from_moments(planner.problem):
+    if not isinstance(planner.problem, ProblemData):
+        raise ValueError("planner.form: found shooting; allowed in C: flat")
+    if not from_moments(planner.problem):
         raise ValueError(
             "planner: found an objective or a limit with data of its own; allowed in C: those that the mean and the "
             "covariance of a forecast are enough for"

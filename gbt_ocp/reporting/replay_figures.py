@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
 from gbt_ocp.reporting import style
+from gbt_ocp.reporting.glossary import SCORE_COLUMNS, SENSOR_COLUMNS
 from gbt_ocp.reporting.tables import Table
 from gbt_ocp.simulation.calibration import region_radius
 from gbt_ocp.simulation.replayed_track import BearingLog, ReplayedTrack
@@ -23,35 +24,14 @@ UNSETTLED = 0.1
 """Share of the log at its start that does not set the limits of a map, since nothing is known there yet."""
 
 
-COLUMNS = {
-    "median %": "median of the distance between track and truth, in per cent of the true range",
-    "RMS %": "its root mean square",
-    "95 % %": "what 95 % of these distances stay below",
-    "NEES": "median of the squared error over its covariance; about 1.4 in the plane and 2.4 in space if it is right",
-    "cov": "share of the truth inside the 95 % ellipse; 0.95 if the covariance is right",
-    "range median %": "median error of the range alone, in per cent of the true range",
-    "ahead median %": "median error of the forecast, in per cent of the range then",
-    "ahead cov": "share of the truth inside the 95 % ellipse of the forecast",
-    "range std / range %": "half of the time the tracker's own deviation of the range, over the range, is below this",
-    "observable %": "share of the time in which that is below 25 %, so that the range counts as known",
-    "residual std deg": "deviation of bearings from those that were predicted before they were known, in degrees",
-    "ms a bearing": "time that an update takes",
-}
-"""Columns of the table of scores, and what they are."""
-
-SENSOR_COLUMNS = {
-    "sensor": "its name in the log, and the kind of its measurements",
-    "count": "measurements that are scored",
-    "mean": "of the measurements less what the track predicted before they were known: a bias of the sensor",
-    "std": "their deviation: the noise of the sensor and what was not foreseen of the target",
-}
-"""Columns of the table of residuals by sensor, and what they are."""
-
-
 def score_text(summary: Mapping[str, Any]) -> str:
     """The tables of scores and of residuals by sensor in Markdown, with what their columns are."""
     scores, sensors = score_table(summary), sensor_table(summary)
-    text = [scores.markdown(), "", *(f"- {head}: {COLUMNS[head]}" for head in scores.columns if head in COLUMNS)]
+    text = [
+        scores.markdown(),
+        "",
+        *(f"- {head}: {SCORE_COLUMNS[head]}" for head in scores.columns if head in SCORE_COLUMNS),
+    ]
     if sensors.rows:
         text += ["", sensors.markdown(), "", *(f"- {head}: {says}" for head, says in SENSOR_COLUMNS.items())]
     return "\n".join(text)

@@ -18,45 +18,12 @@ from numpy.typing import NDArray
 from gbt_ocp.files import packaged_text, whole_file
 from gbt_ocp.reporting.drawable import drawable_history
 from gbt_ocp.reporting.figures import draw_figures
+from gbt_ocp.reporting.glossary import FALLBACK_NUMBERS, RETRY_NUMBERS, RUN_NUMBERS
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.history import History
 
 MOST_FAILURES = 200
 """Failed solves that are listed one by one."""
-
-MEANING = {
-    "error_mean": ("m", "tracking error ‖μ - P_T‖, mean over the forecast and the run"),
-    "error_settled": ("m", "the same from the settling time on"),
-    "error_settled_max": ("m", "its largest value from the settling time on"),
-    "error_final": ("m", "at the last step"),
-    "error_rms": ("m", "root mean square over the run"),
-    "error_median": ("m", "median over the run"),
-    "settling_s": ("s", "settling time"),
-    "distance_min": ("m", "nearest distance from the target"),
-    "distance_median": ("m", "median distance"),
-    "distance_max_after_10s": ("m", "farthest distance after 10 s"),
-    "similarity_second_half": ("", "least cosine between desired and true bearing, second half of the run"),
-    "similarity_mean_second_half": ("", "its mean"),
-    "violation_max": ("of the limit", "largest thrust above its limit on the executed pieces"),
-    "objective_mean": ("", "mean objective of the plans"),
-    "solver": ("", "what solved the plans"),
-    "solver_success_rate": ("", "share of plans solved at the first try"),
-    "solver_iterations_mean": ("", "mean iterations of a plan"),
-    "solver_time_median_ms": ("ms", "median time of a plan"),
-    "solver_time_max_ms": ("ms", "longest time of a plan"),
-    "tracker_time_median_ms": ("ms", "median time of the tracker"),
-    "step_time_median_ms": ("ms", "median time of tracker and solver together"),
-    "steps_over_period": ("", "steps that took longer than a sampling period"),
-    "steps": ("", "sampling periods"),
-    "wall_s": ("s", "duration of the computation"),
-    "seed": ("", "seed of every random draw"),
-    "energy_j": ("J", "energy of the thrusters, and of what else the vehicle takes"),
-    "power_mean_w": ("W", "its mean over time"),
-    "thrust_reversals_per_min": ("1/min", "changes of sign of the thrust, all axes together"),
-    "thrust_max": ("N, N m", "limits of the thrust"),
-    "thrust_min": ("N, N m", "its lower limits"),
-}
-"""Unit and meaning of keys of the summary."""
 
 _CAPTIONS = {
     "trajectories": "Paths of vehicle and target, and the posterior mean at each step.",
@@ -108,12 +75,17 @@ def report_page(run_dir: str | os.PathLike[str]) -> str:
         *(f"<p class='warning'>{escape(str(line))}</p>" for line in summary.get("warnings") or ()),
         "<h2>Summary</h2>",
         _table(("value", "unit", "meaning", "key"), _summary_rows(summary), "summary"),
+        "<p><a href='#glossary'>All keys of <code>summary.json</code></a></p>",
         "<h2>Figures</h2>",
         *(_figure(name, figure) for name, figure in figures.items()),
         "<h2>Solver ledger</h2>",
         *_ledger(history, summary),
         "<h2>Versions</h2>",
         _table(("", ""), [(name, str(value)) for name, value in (summary.get("versions") or {}).items()]),
+        "<h2 id='glossary'>Keys of <code>summary.json</code></h2>",
+        "<details><summary>Units and meanings, as in docs/glossary.md</summary>",
+        _table(("key", "unit", "meaning"), _meanings()),
+        "</details>",
         "<h2>Configuration</h2>",
         "<p>Every default written out; <code>gbt-ocp run</code> with it gives the same run.</p>",
         f"<pre>{escape(text)}</pre>",
@@ -139,8 +111,14 @@ def _summary_rows(summary: dict[str, Any]) -> Iterable[tuple[str, ...]]:
     for key, value in summary.items():
         if key in ("versions", "warnings", "fallbacks", "retries"):
             continue  # shown elsewhere
-        unit, meaning = MEANING.get(key, ("", ""))
+        unit, meaning = RUN_NUMBERS.get(key, ("", ""))
         yield _number(value), unit, meaning, key
+
+
+def _meanings() -> Iterable[tuple[str, ...]]:
+    for above, keys in (("", RUN_NUMBERS), ("fallbacks.", FALLBACK_NUMBERS), ("retries.", RETRY_NUMBERS)):
+        for key, (unit, meaning) in keys.items():
+            yield f"{above}{key}", unit, meaning
 
 
 def _ledger(history: History, summary: dict[str, Any]) -> list[str]:

@@ -225,7 +225,8 @@ def simulate(
         elif isinstance(decision, Placement):
             move = mover.place(state, decision.position)
         else:
-            move = mover.hold(state, decision.thrust[0] if isinstance(decision, ShootingPlan) else decision)
+            inputs = decision.applied(period) if isinstance(decision, ShootingPlan) else (decision, None)
+            move = mover.hold(state, *inputs)
         clipped += move.clipped
         step = Step(
             time=t,

@@ -151,15 +151,21 @@ class Mover:
         mean = np.asarray(self._range.clip(thrust).mean(axis=0))
         return self._moved(reached, piece, held, np.minimum(peak, 1.0), clipped, mean, power)
 
-    def hold(self, state: Array, thrust: Array) -> Move:
-        """Integrate the forward dynamics under constant inputs."""
+    def hold(self, state: Array, thrust: Array, until: Array | None = None) -> Move:
+        """Integrate the forward dynamics under constant inputs, or under inputs linear in time ``until`` others."""
         before = self._motion.work
-        end = self._motion.advance(state, lambda s: thrust, self._period)
+        last = thrust if until is None else until
+        if until is None or np.array_equal(thrust, until):
+            end = self._motion.advance(state, lambda s: thrust, self._period)
+        else:
+            end = self._motion.advance(state, lambda s: thrust + (last - thrust) * (s / self._period), self._period)
         power = (self._motion.work - before) / self._period
         z, dz = self._vehicle.flat(end)
-        ddz = np.asarray(self._accelerated(z, dz, thrust)).ravel()
+        ddz = np.asarray(self._accelerated(z, dz, last)).ravel()
         flat = np.vstack([z, dz, np.where(np.isfinite(ddz), ddz, 0.0)])  # no number where the flatness map is singular
-        return Move(flat, end, thrust, self._range.used(thrust), thrust_mean=thrust, power=power)
+        peak = np.maximum(self._range.used(thrust), self._range.used(last))
+        mean = thrust if last is thrust else 0.5 * (thrust + last)
+        return Move(flat, end, thrust, peak, thrust_mean=mean, power=power)
 
     def place(self, state: Array, position: Array) -> Move:
         """Put the vehicle somewhere, at rest and with the same yaw; there is no thrust to speak of."""

@@ -1,4 +1,4 @@
-"""Two models of the target's motion, weighed by how well each predicted the bearings: its shape, and its velocity.
+"""Models of the target's motion, weighed by how well each predicted the bearings: its shape, its velocity, and others.
 
 The Gaussian process on the shape of the motion is the better one where a target keeps its speed, and the worse one
 where it does not; that on the velocity knows nothing of speed. Both read the same bins. The evidence of a model M for
@@ -23,6 +23,7 @@ metres would favour the one that has the target nearer.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -109,10 +110,11 @@ def log_density(one: BinnedBearings, expected: Forecast, noise: BearingNoise, wh
 
 
 class MixtureTracker(RestartingTracker):
-    """The mixture of a motion-shape process and a velocity process by evidence.
+    """The mixture of a motion-shape process, a velocity process and other trackers by evidence.
 
-    Bearings go to the bins of the first; whenever it estimates again, the second does so from the same bins. A lost
-    track of either is begun again by its own test; bins that the first then forgets no longer count as evidence.
+    Bearings go to the bins of the first; whenever it estimates again, the second does so from the same bins. The others
+    are given each bearing. A lost track of any is begun again by its own test; bins that the first then forgets no
+    longer count as evidence.
 
     Parameters
     ----------
@@ -122,19 +124,36 @@ class MixtureTracker(RestartingTracker):
         The process on the velocity, made with ``bins=motion.bins``.
     noise
         Of the sensor.
+    others
+        Further trackers, each with a lost-track test of its own.
+    forgetting
+        Time T in seconds in which evidence fades: a bin counts by ``exp(-age/T)``. Infinity forgets with the window.
 
     Raises
     ------
     ValueError
-        If the two have not the same dimension.
+        If the two have not the same dimension, or the time is not above 0.
     """
 
     takes: tuple[MeasurementKind, ...] = BEARINGS
     """Kinds of measurements that it takes."""
 
-    def __init__(self, motion: MotionShapeTracker, velocity: NoisyGaussianProcessTracker, noise: BearingNoise) -> None:
+    def __init__(
+        self,
+        motion: MotionShapeTracker,
+        velocity: NoisyGaussianProcessTracker,
+        noise: BearingNoise,
+        *,
+        others: Sequence[Tracker] = (),
+        forgetting: float = np.inf,
+    ) -> None:
         if motion.dimension != velocity.dimension:
             raise ValueError(f"dimension: found {motion.dimension} and {velocity.dimension}; allowed: the same")
+        if not forgetting > 0.0:
+            raise ValueError(f"forgetting: found {forgetting}; allowed: a number > 0")
+        self.others = tuple(others)
+        self._members: tuple[Tracker, ...] = (motion, velocity, *self.others)
+        self._forgetting = forgetting
         self.dimension = motion.dimension
         self.motion = motion
         self.velocity = velocity
@@ -149,7 +168,7 @@ class MixtureTracker(RestartingTracker):
         self._scores: deque[tuple[float, Array]] = deque()
 
     def _restart(self, own: Array) -> None:
-        """The motion tracker finds the same gap itself and clears the bins."""
+        """The motion tracker and the others find the same gap themselves; the first clears the bins."""
         self.velocity.begin_elsewhere(own)
         self._begin(own)
 
@@ -172,16 +191,18 @@ class MixtureTracker(RestartingTracker):
             self._begins = begins
             if len(bins):
                 ends = [begins, begins + bins.width]
-                self._predicted = [self.motion.predict(ends), self.velocity.predict(ends)]
+                self._predicted = [member.predict(ends) for member in self._members]
         self._own = own
         self.motion.update(time, b, own)
         if self.motion.estimated_at == time:
             self.velocity.follow(time, b, own)
+        for other in self.others:
+            other.update(time, b, own)
         while self._scores and self._scores[0][0] < bins.begins - 1e-9:
             self._scores.popleft()
 
     def _score(self) -> None:
-        """Judge both models by the bin that has just been filled: what they said of it before it began."""
+        """Judge the models by the bin that has just been filled: what they said of it before it began."""
         if not self._predicted:
             return
         bins = self.motion.bins
@@ -201,20 +222,23 @@ class MixtureTracker(RestartingTracker):
 
     @property
     def log_evidence(self) -> Array:
-        """Of the motion's shape and of the velocity ``(2,)``, for the full bins of the window; zero without any."""
-        return np.asarray(sum((scores for _, scores in self._scores), np.zeros(2)))
+        """Of the motion's shape, the velocity and the others ``(M,)``, for the full bins of the window, faded."""
+        total = np.zeros(len(self._members))
+        for begins, scores in self._scores:
+            total += scores * np.exp((begins - self._scores[-1][0]) / self._forgetting)
+        return total
 
     @property
     def weights(self) -> Array:
-        """Probability of the motion's shape and of the velocity ``(2,)``; a half each before any bin is judged."""
+        """Probability of the motion's shape, the velocity and the others ``(M,)``; equal before any bin is judged."""
         evidence = self.log_evidence
         share = np.exp(evidence - evidence.max())
         return np.asarray(share / share.sum())
 
     @property
     def restarts(self) -> int:
-        """How often a track was lost and begun again, of both."""
-        return self.motion.restarts + self.velocity.restarts
+        """How often a track was lost and begun again, of all."""
+        return sum(int(getattr(member, "restarts", 0)) for member in self._members)
 
     @property
     def range_observable(self) -> bool:
@@ -228,8 +252,9 @@ class MixtureTracker(RestartingTracker):
     def predict(self, times: ArrayLike) -> Forecast:
         """Posterior mean ``(K, d)`` and covariance ``(K, d, d)`` at the times ``(K,)`` in seconds.
 
-        While the motion's shape does not tell the range, it stands alone: the velocity process then holds hypotheses
-        of range over decades, whose mean is nowhere near any of them.
+        A model counts while it tells the range: the velocity process may hold hypotheses of range over decades, whose
+        mean is nowhere near any of them. While the motion's shape does not tell it, others that do stand in its place;
+        without any it stands alone.
         """
         at = np.atleast_1d(np.asarray(times, dtype=float))
         weights, parts = self._counted
@@ -251,7 +276,18 @@ class MixtureTracker(RestartingTracker):
     @property
     def _counted(self) -> tuple[Array, list[Tracker]]:
         """The models that a forecast is made of, with weights that sum to one."""
-        both: tuple[Tracker, Tracker] = (self.motion, self.velocity)
-        weights = self.weights if self.motion.range_observable else np.array([1.0, 0.0])
-        likely = weights > LEAST_WEIGHT
-        return weights[likely] / weights[likely].sum(), [part for part, one in zip(both, likely, strict=True) if one]
+        known = np.array([self._tells_range(number, member) for number, member in enumerate(self._members)])
+        weights = self.weights * known if np.any(known) else np.eye(len(known))[0]
+        likely = weights > LEAST_WEIGHT * weights.sum()
+        parts = [part for part, one in zip(self._members, likely, strict=True) if one]
+        return weights[likely] / weights[likely].sum(), parts
+
+    def _tells_range(self, number: int, member: Tracker) -> bool:
+        """Whether a model knows the range to a quarter; the velocity process only counts where the shape does."""
+        if number < 2:
+            return self.motion.range_observable
+        observable = getattr(member, "range_observable", None)
+        if observable is None and self._predicted:
+            mean, covariance = (values[-1] for values in self._predicted[number])
+            observable = relative_range_std(mean, covariance, self._own) < RANGE_OBSERVABLE
+        return bool(observable)

@@ -117,6 +117,10 @@ class Window:
         self._samples.append((float(time), b, own))
         self._weights.append(weight)
 
+    def leave_out_latest(self) -> None:
+        """Forget the latest sample; not of an empty window."""
+        self._samples.pop()
+
     @property
     def latest(self) -> tuple[float, Array, Array]:
         """Time in seconds, bearing and own position ``(d,)`` of the latest sample; not of an empty window."""

@@ -18,6 +18,7 @@ from gbt_ocp.tracking.filters.imm import ImmPositionTracker, ImmPseudoLinearTrac
 from gbt_ocp.tracking.filters.orthogonality import OrthogonalityTracker
 from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
 from gbt_ocp.tracking.filters.polynomial import PolynomialRegression
+from gbt_ocp.tracking.filters.watched import WatchedFilter
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.gp.lmc import CoregionalizedTracker
 from gbt_ocp.tracking.held.bank import HeldTurnPrior
@@ -25,6 +26,7 @@ from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.mixture import MixtureTracker, velocity_scale
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal, PositionPrior, RangedPrior
+from gbt_ocp.tracking.protocol import Tracker
 from gbt_ocp.tracking.shape.processes import ShapePrior
 from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
 
@@ -52,6 +54,7 @@ def gaussian_process(
         amplitude=_tuned(section.amplitude),
         nugget=_tuned(section.nugget),
         prior=prior,
+        breaks=section.nugget == "tuned",  # the paper's nugget is fixed, and its window is what it is
     )
 
 
@@ -175,7 +178,38 @@ def mixture(section: sections.MixtureSection, prior: PositionPrior, sensor: Bear
         ),
         prior=prior,
     )
-    return MixtureTracker(shape, velocity, noise)
+    others = [_member(name, section, prior, noise) for name in section.members]
+    return MixtureTracker(shape, velocity, noise, others=others, forgetting=section.evidence_s or math.inf)
+
+
+FILTER_NOISE = {"ekf": (1.0e-2, 0.0), "imm_ekf": (1.0e-5, 1.0e-4)}
+"""Process and jerk noise in SI units of the filters in a mixture: found best at sea, on seeds that no table uses."""
+
+FILTER_MODES = {"stay_probability": 0.99, "turn_rate_max": 0.1}
+"""Of imm_ekf in a mixture, at ten bearings a second."""
+
+
+def _member(name: str, section: sections.MixtureSection, prior: PositionPrior, noise: BearingNoise) -> Tracker:
+    """A further tracker of a mixture, with the same sensor, speed and range."""
+    speed = LogNormal(section.speed.median, section.speed.log_std)
+    if name == "held_turn":
+        range_ = LogNormal(section.range.median_m, section.range.log_std)
+        motion_prior = HeldTurnPrior(speed, range_, hold=section.hold_s, speed_stds=section.speed_change_std)
+        gate = math.inf if section.gate is None else section.gate
+        return HeldTurnTracker(len(prior.start), noise=noise, prior=motion_prior, gate=gate, position=prior)
+    process, jerk = FILTER_NOISE[name]
+
+    def make(position: PositionPrior) -> Tracker:
+        ranged = RangedPrior(position.start, position.mean, position.covariance, range=section.range.median_m)
+        guess = FirstGuess(ranged, section.range.log_std * section.range.median_m, speed.median)
+        if name == "ekf":
+            return ExtendedKalmanFilter(guess, process_noise=process, bearing_std=noise.std)
+        models = InteractingMultipleModel(
+            initial_variance=speed.median**2, process_noise=process, jerk_noise=jerk, **FILTER_MODES
+        )
+        return ImmExtendedTracker(guess, models, bearing_std=noise.std)
+
+    return WatchedFilter(make, prior, noise.std)
 
 
 def held_turn(section: sections.HeldTurnSection, prior: PositionPrior, sensor: BearingSensor) -> HeldTurnTracker:

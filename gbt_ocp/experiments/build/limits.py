@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import cast
+from typing import TypeVar, cast
 
 from gbt_ocp.experiments.config.limits import LIMIT_KINDS, LimitsSection
 from gbt_ocp.guidance.current import Current
 from gbt_ocp.guidance.water import OverGround
-from gbt_ocp.ocp import PathConstraint, TrajectoryProblem
+from gbt_ocp.ocp import PathConstraint
+from gbt_ocp.ocp.verbs import PosingVerbs
+
+Posed = TypeVar("Posed", bound=PosingVerbs)
 
 
-def with_limits(
-    problem: TrajectoryProblem, section: LimitsSection, current: Current | None = None
-) -> TrajectoryProblem:
+def with_limits(problem: Posed, section: LimitsSection, current: Current | None = None) -> Posed:
     """The problem subject to the limits of the section: those of ``hard`` at the nodes, the others as penalties.
 
     With a current, what stands still over ground moves in the problem.

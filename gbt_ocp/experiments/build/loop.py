@@ -45,7 +45,7 @@ from gbt_ocp.models.model_checks import check_target, check_vehicle
 from gbt_ocp.models.targets import Target, TrackTarget, case_target
 from gbt_ocp.models.turning import TurningTarget
 from gbt_ocp.models.vehicles import Vehicle
-from gbt_ocp.ocp import Planner, ThrustEffort, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp import AnyPlanner, ShootingProblem, ThrustEffort, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.follower import BANDWIDTH
 from gbt_ocp.ocp.problem_data import joined_derivatives
 from gbt_ocp.simulation.loop import ClosedLoop
@@ -160,11 +160,17 @@ def build_current(configuration: Configuration, vehicle: Vehicle) -> Current | N
     return CurrentObserver(vehicle) if known == "unknown" else KnownCurrent(known)
 
 
-def build_problem(configuration: Configuration, vehicle: Vehicle, current: Current | None = None) -> TrajectoryProblem:
+def build_problem(
+    configuration: Configuration, vehicle: Vehicle, current: Current | None = None
+) -> TrajectoryProblem | ShootingProblem:
     """The trajectory problem in the formulation that is asked for; with a current, in the frame of the water."""
     section, dimension = configuration.planner, configuration.dimension
     period = section.period_s or configuration.period_s
-    problem = TrajectoryProblem(vehicle, section.pieces, period, section.degree, section.continuity)
+    problem: TrajectoryProblem | ShootingProblem
+    if section.form == "shooting":
+        problem = ShootingProblem(vehicle, section.pieces, period, section.thrust, section.steps)
+    else:
+        problem = TrajectoryProblem(vehicle, section.pieces, period, section.degree, section.continuity)
     problem = problem.maximize(build_objective(configuration))
     if section.range_pull > 0.0:
         problem = problem.maximize(RangePull(dimension, section.range_pull, section.range_reference_m))
@@ -181,12 +187,26 @@ def build_problem(configuration: Configuration, vehicle: Vehicle, current: Curre
     if more is None:
         return problem
     constrained = made("constrain", more, problem)
-    if not isinstance(constrained, TrajectoryProblem):
+    if not isinstance(constrained, TrajectoryProblem | ShootingProblem):
         raise ValueError(f"constrain: found a {type(constrained).__name__} returned; allowed: a TrajectoryProblem")
     return constrained
 
 
-def build_planner(configuration: Configuration, vehicle: Vehicle, current: Current | None = None) -> Planner:
+def build_flat_problem(configuration: Configuration, vehicle: Vehicle) -> TrajectoryProblem:
+    """The same where only the flat form will do.
+
+    Raises
+    ------
+    ValueError
+        If another form is asked for.
+    """
+    problem = build_problem(configuration, vehicle)
+    if not isinstance(problem, TrajectoryProblem):
+        raise ValueError(f"planner.form: found {configuration.planner.form}; allowed: flat")
+    return problem
+
+
+def build_planner(configuration: Configuration, vehicle: Vehicle, current: Current | None = None) -> AnyPlanner:
     """The planner with its solver."""
     section = configuration.planner
     return build_problem(configuration, vehicle, current).compile(section.solver, section.solver_options)
@@ -273,7 +293,8 @@ def build_start(configuration: Configuration, vehicle: Vehicle, rng: np.random.G
         away = [level * math.cos(azimuth), level * math.sin(azimuth), elevation]
         place = target + section.range_m * np.array(away[:d])
     plan = configuration.planner
-    flat = np.zeros((joined_derivatives(plan.degree, plan.continuity), vehicle.flat_dimension))
+    joined = 2 if plan.form == "shooting" else joined_derivatives(plan.degree, plan.continuity)
+    flat = np.zeros((joined, vehicle.flat_dimension))
     flat[0, :d] = place if section.position_m is None else section.position_m
     if vehicle.flat_dimension > configuration.dimension:
         flat[0, configuration.dimension] = math.radians(section.yaw_deg)

@@ -114,7 +114,7 @@ TRACKERS = {
         TrackerKind(
             sections.MixtureSection,
             _builder("mixture"),
-            "motion_gp and a Gaussian process on the velocity, weighed by how well each predicted the bearings",
+            "motion_gp, a Gaussian process on the velocity and held_turn, weighed by the bearings each foretold",
             sections.ShapeSection,
         ),
         TrackerKind(

@@ -17,7 +17,8 @@ from pydantic import BeforeValidator, Field
 from gbt_ocp.experiments.config.keys import PositionNumbers, Positive, Section, as_tuples, key, redeclare
 
 if TYPE_CHECKING:  # CasADi takes a second to import, which a check of a configuration does not need
-    from gbt_ocp.ocp import Constraint, TrajectoryProblem
+    from gbt_ocp.ocp import Constraint
+    from gbt_ocp.ocp.problem_data import PosedProblem
 
 Corner = tuple[float, float]
 
@@ -93,7 +94,7 @@ class Limit:
     key: str
     annotation: Any
     declared: Any
-    constraints: Callable[[Any, TrajectoryProblem], Iterator[Constraint]]
+    constraints: Callable[[Any, PosedProblem], Iterator[Constraint]]
 
 
 LIMIT_KINDS: dict[str, Limit] = {}
@@ -122,7 +123,7 @@ def limit(name: str, key: str, annotation: Any, declared: Any) -> Callable[[Any]
         If another file has defined a limit of that name or key.
     """
 
-    def define(constraints: Callable[[Any, TrajectoryProblem], Iterator[Constraint]]) -> Any:
+    def define(constraints: Callable[[Any, PosedProblem], Iterator[Constraint]]) -> Any:
         for other, found in LIMIT_KINDS.items():
             if (other == name or found.key == key) and found.constraints.__module__ != constraints.__module__:
                 raise ValueError(f"limit {name}: found a name or key ({key}) of a limit that exists; allowed: another")
@@ -154,7 +155,7 @@ def _shared() -> dict[str, tuple[Any, Any]]:
     RangeLimitSection | None,
     key(None, "Distance from the target."),
 )
-def _range(value: RangeLimitSection, problem: TrajectoryProblem) -> Iterator[Constraint]:
+def _range(value: RangeLimitSection, problem: PosedProblem) -> Iterator[Constraint]:
     from gbt_ocp.guidance.standoff import RangeOfHypotheses, ReachableRange
     from gbt_ocp.guidance.target_limits import RangeLimits
 
@@ -174,7 +175,7 @@ def _range(value: RangeLimitSection, problem: TrajectoryProblem) -> Iterator[Con
     Annotated[tuple[KeepOutZoneSection, ...], BeforeValidator(as_tuples)],
     key((), "Zones to stay out of.", "a list of mappings, each with centre_m and radius_m, or with corners_m"),
 )
-def _keep_out(value: tuple[KeepOutZoneSection, ...], problem: TrajectoryProblem) -> Iterator[Constraint]:
+def _keep_out(value: tuple[KeepOutZoneSection, ...], problem: PosedProblem) -> Iterator[Constraint]:
     from gbt_ocp.ocp import KeepOut, KeepOutPolygon
 
     for zone in value:
@@ -190,14 +191,14 @@ def _keep_out(value: tuple[KeepOutZoneSection, ...], problem: TrajectoryProblem)
     DepthLimitSection | None,
     key(None, "Seabed and surface, in space."),
 )
-def _depth(value: DepthLimitSection, problem: TrajectoryProblem) -> Iterator[Constraint]:
+def _depth(value: DepthLimitSection, problem: PosedProblem) -> Iterator[Constraint]:
     from gbt_ocp.ocp import DepthLimits
 
     yield DepthLimits(value.lowest_m, value.highest_m)
 
 
 @limit("speed", "speed", Positive | None, key(None, "Largest speed in m/s."))
-def _speed(value: float, problem: TrajectoryProblem) -> Iterator[Constraint]:
+def _speed(value: float, problem: PosedProblem) -> Iterator[Constraint]:
     from gbt_ocp.ocp import SpeedLimit
 
     yield SpeedLimit(problem.vehicle.position_dimension, value)
@@ -209,7 +210,7 @@ def _speed(value: float, problem: TrajectoryProblem) -> Iterator[Constraint]:
     Positive | None,
     key(None, "Largest yaw rate in degrees a second."),
 )
-def _yaw_rate(value: float, problem: TrajectoryProblem) -> Iterator[Constraint]:
+def _yaw_rate(value: float, problem: PosedProblem) -> Iterator[Constraint]:
     from gbt_ocp.ocp import YawRateLimit
 
     _refuse_without_yaw("yaw_rate_deg", value, problem)
@@ -222,13 +223,13 @@ def _yaw_rate(value: float, problem: TrajectoryProblem) -> Iterator[Constraint]:
     Annotated[float, Field(gt=0.0, lt=180.0)] | None,
     key(None, "Largest angle between bow and expected target in degrees."),
 )
-def _bow_angle(value: float, problem: TrajectoryProblem) -> Iterator[Constraint]:
+def _bow_angle(value: float, problem: PosedProblem) -> Iterator[Constraint]:
     from gbt_ocp.guidance.target_limits import FieldOfView
 
     _refuse_without_yaw("bow_angle_deg", value, problem)
     yield FieldOfView(problem.vehicle.position_dimension, math.radians(value))
 
 
-def _refuse_without_yaw(key: str, value: float, problem: TrajectoryProblem) -> None:
+def _refuse_without_yaw(key: str, value: float, problem: PosedProblem) -> None:
     if problem.vehicle.flat_dimension <= problem.vehicle.position_dimension:
         raise ValueError(f"limits.{key}: found {value}; allowed: null, the vehicle's flat output has no yaw")

@@ -36,7 +36,14 @@ class PlannerSection(Section):
     """The trajectory optimisation."""
 
     pieces: int = key(5, "p, pieces of the trajectory.", "a whole number from 1 to tracker.forecast (p <= n)", ge=1)
-    degree: int = key(2, "L, degree of the pieces.", ge=2, le=5)
+    form: Literal["flat", "shooting"] = key(
+        "flat", "Pieces of flat trajectories, or inputs over each piece with the motion that follows by integration."
+    )
+    thrust: Literal["held", "linear"] = key(
+        "held", "Inputs over a piece: constant, or linear from one value to another; with form: shooting."
+    )
+    steps: int = key(1, "M, Runge-Kutta steps a piece; with form: shooting.", ge=1)
+    degree: int = key(2, "L, degree of the pieces; with form: flat.", ge=2, le=5)
     continuity: int | None = key(
         None,
         "Derivatives that are continuous between pieces; null is L - 1, the paper's. Fewer leave a piece more freedom.",

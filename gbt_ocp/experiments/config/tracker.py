@@ -174,8 +174,14 @@ class MotionSection(ShapeSection):
     size: SizeNumbers | None = _size()
 
 
+def _once_each(value: tuple[str, ...]) -> tuple[str, ...]:
+    if len(set(value)) < len(value):
+        raise ValueError("twice")
+    return value
+
+
 class MixtureSection(ShapeSection):
-    """Gaussian processes on the shape of the motion and on the velocity."""
+    """Gaussian processes on the shape of the motion and on the velocity, and other trackers."""
 
     kind: Literal["mixture"] = key(..., "Gaussian processes on the motion's shape and on the velocity.")
     velocity_time_s: float = key(
@@ -183,6 +189,11 @@ class MixtureSection(ShapeSection):
         "Median time scale of the velocity in s; scales from a quarter to four times as long are averaged over.",
         gt=0.0,
     )
+    members: Annotated[
+        tuple[Literal["held_turn", "imm_ekf", "ekf"], ...], BeforeValidator(as_tuples), AfterValidator(_once_each)
+    ] = key(("held_turn",), "Trackers beside these two.", "a list of held_turn, imm_ekf, ekf, each once at most")
+    evidence_s: Positive | None = key(30.0, "Time in s in which evidence fades; null is that of the window, all alike.")
+    hold_s: float = key(20.0, "Mean time in s for which held_turn takes a turn rate to be held.", gt=0.0)
 
 
 class HeldTurnSection(TrackerSection):

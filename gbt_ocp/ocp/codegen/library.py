@@ -33,17 +33,27 @@ OUTPUT = "library.so"
 """What a compiler writes, before it has its name in the cache."""
 
 
+FLAT_FILES = ("gbt_pieces", "gbt_riccati", "gbt_braking", "gbt_follow", "gbt_startup")
+"""Beginnings of the names of those files of the kernel that are for flat trajectories alone."""
+
+SHOOTING_FILES = ("gbt_shoot",)
+"""The same for trajectories by integration."""
+
+
 class CompilerError(RuntimeError):
     """There is no C compiler that works, or no place for what it makes; the message begins with what was found."""
 
 
-def kernel_files() -> dict[str, str]:
-    """The hand-written C files of the solver, by name."""
-    folder = files("gbt_ocp.ocp") / "kernel"
+def kernel_files(*, shooting: bool = False) -> dict[str, str]:
+    """The hand-written C files of the solver, by name: those for flat trajectories, or for trajectories by integration.
+
+    Both have all files but those of the other form.
+    """
+    folder, other = files("gbt_ocp.ocp") / "kernel", FLAT_FILES if shooting else SHOOTING_FILES
     return {
         entry.name: entry.read_text(encoding="utf-8")
         for entry in sorted(folder.iterdir(), key=lambda entry: entry.name)
-        if entry.name.endswith((".c", ".h"))
+        if entry.name.endswith((".c", ".h")) and not entry.name.startswith(other)
     }
 
 

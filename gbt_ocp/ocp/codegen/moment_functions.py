@@ -7,12 +7,12 @@ from typing import cast
 import casadi as ca
 
 from gbt_ocp.ocp.codegen.expressions import c_function
-from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.problem_data import PosedProblem
 from gbt_ocp.ocp.terms import FromMoments, LimitFromMoments, LimitFromMotion, MovingConstraint
 from gbt_ocp.ocp.transcription import limit_size
 
 
-def from_moments(problem: ProblemData) -> bool:
+def from_moments(problem: PosedProblem) -> bool:
     """Whether the moments of a forecast are all that the problem needs."""
     return all(isinstance(term, FromMoments) or not term.shapes for term in problem.objectives) and all(
         isinstance(constraint, LimitFromMoments | LimitFromMotion)
@@ -21,7 +21,7 @@ def from_moments(problem: ProblemData) -> bool:
     )
 
 
-def moment_functions(problem: ProblemData) -> list[ca.Function]:
+def moment_functions(problem: PosedProblem) -> list[ca.Function]:
     """Functions in C of the parameters from the moments of a forecast, where these are all that is needed."""
     if not from_moments(problem):
         return []

@@ -32,7 +32,8 @@ class CompiledOptions:
         (:func:`~gbt_ocp.ocp.limit_classes.hard_weights`), exact while the multipliers stay below them. That of a thrust
         limit is raised while it is broken.
     iterations
-        Iterations of one start before another one is tried; by default 12 a piece, at least 60.
+        Iterations of one start before another one is tried; by default 12 a piece, at least 60 (120 of trajectories by
+        integration).
     deadline
         Iterations of all starts together, and of all attempts of a step, by default five times as many.
     """
@@ -47,8 +48,8 @@ class CompiledOptions:
     deadline: int = 300
 
     @classmethod
-    def checked(cls, options: Mapping[str, Any], pieces: int) -> CompiledOptions:
-        """From a mapping, for a problem with so many pieces.
+    def checked(cls, options: Mapping[str, Any], pieces: int, *, shooting: bool = False) -> CompiledOptions:
+        """From a mapping, for a problem with so many pieces, of flat trajectories or others.
 
         Raises
         ------
@@ -64,7 +65,7 @@ class CompiledOptions:
             if not (number and 0.0 < value < math.inf):
                 kind = "whole number" if integer else "number"
                 raise ValueError(f"solver_options.{key}: found {value!r}; allowed: a positive {kind}")
-        iterations = options.get("iterations", max(60, 12 * pieces))
+        iterations = options.get("iterations", max(120 if shooting else 60, 12 * pieces))
         warm_barrier = options.get("barrier", cls.barrier) * min(5.0 / pieces, 1.0) ** 2
         defaults = {"iterations": iterations, "deadline": 5 * iterations, "warm_barrier": warm_barrier}
         return cls(**{**defaults, **options})

@@ -10,9 +10,7 @@ GBT_BEGIN_C
 
 #define GBT_FLAT {flat}              /* n, flat outputs */
 #define GBT_DIMENSION {dimension}         /* d, dimension of the space */
-#define GBT_DEGREE {degree}            /* L, degree of the polynomials */
-#define GBT_JOINED {joined}            /* derivatives 0 .. that a piece takes over from the one before */
-#define GBT_PIECES {pieces}            /* p, pieces of the trajectory */
+{form}#define GBT_PIECES {pieces}            /* p, pieces of the trajectory */
 #define GBT_PERIOD ((gbt_real){period}) /* T, length of a piece in seconds */
 #define GBT_PARAMETERS {parameters}       /* parameters of the objective at each endpoint */
 #define GBT_MOVING {moving}           /* parameters of the path constraints at each boundary of pieces */
@@ -38,7 +36,8 @@ GBT_BEGIN_C
    knows of itself after those on what it believes of the target. */
 typedef enum {{ GBT_THRUST, GBT_CERTAIN, GBT_BELIEVED }} gbt_limit_class;
 
-/* A function of a point (z, its rate and its acceleration) and of what else it needs. */
+/* A function of a point (of the flat form z, its rate and its acceleration; else state and inputs) and of what else it
+   needs. */
 typedef void (*gbt_function)(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *out);
 
 typedef struct {{
@@ -55,12 +54,13 @@ typedef struct {{
     gbt_limit_class kind;
     int given;                       /* at the start of the trajectory no plan can change it */
     int judged;                      /* a piece that breaks it is not executed */
+    int steady;                      /* between its nodes it is never broken more than at them */
     const int *row;                  /* of each side: which value is bounded, */
     const gbt_real *sign, *bound;    /* to be kept at sign * value <= bound, */
     const gbt_real *edge;            /* which may lie within the true limit, */
     const gbt_real *weight, *width;  /* the weight of a hard limit's class, or that of a penalty at an inner node and
                                         its half width */
-    gbt_function value;              /* (place) -> values; a place is a point and GBT_KNOT_NUMBERS numbers */
+    gbt_function value;              /* (place) -> values; a place is GBT_POINT and GBT_KNOT_NUMBERS numbers */
     gbt_function jacobian;           /* (place) -> nonzeros */
     gbt_function curvature;          /* (place, first, second) -> Hessian of first'value + J' diag(second) J */
     int jacobian_entries;
@@ -73,12 +73,25 @@ extern const gbt_real gbt_input_scale[]; /* natural sizes of what is free in a p
 extern const gbt_objective_functions gbt_objective;
 extern const gbt_limit gbt_limits[];
 extern const char *const gbt_limit_names[]; /* in the same order */
-extern const gbt_real gbt_acceleration_scale[GBT_FLAT]; /* typical acceleration under full thrust */
 extern const gbt_real gbt_thrust_min[GBT_INPUTS], gbt_thrust_max[GBT_INPUTS];
 
+#if GBT_SHOOTING
+/* A piece is its state and inputs: the state at its end; all derivatives of that, one row a state; the nonzeros of the
+   lower triangle of the Hessian of its product with a multiplier. */
+void gbt_stage(const gbt_real *piece, const gbt_real *second, const gbt_real *third, gbt_real *state);
+void gbt_stage_slopes(const gbt_real *piece, const gbt_real *second, const gbt_real *third, gbt_real *slopes);
+void gbt_stage_curvature(const gbt_real *piece, const gbt_real *multiplier, const gbt_real *third, gbt_real *entries);
+extern const int gbt_stage_entries, gbt_stage_row[], gbt_stage_column[];
+/* Flat output and its rate at a piece's beginning. */
+void gbt_stage_point(const gbt_real *piece, const gbt_real *second, const gbt_real *third, gbt_real *point);
+/* The inputs after a share of a piece. */
+void gbt_stage_inputs(const gbt_real *piece, const gbt_real *share, const gbt_real *third, gbt_real *inputs);
+#else
+extern const gbt_real gbt_acceleration_scale[GBT_FLAT]; /* typical acceleration under full thrust */
 void gbt_vehicle_inputs(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *inputs);
 /* The acceleration under a thrust, from z and its rate. */
 void gbt_vehicle_acceleration(const gbt_real *z, const gbt_real *dz, const gbt_real *inputs, gbt_real *ddz);
+#endif
 /* The numbers of the objective at an endpoint and of the path constraints at a boundary of the pieces, relative to an
    origin, from their parameters; see gbt_places.h. */
 void gbt_end_numbers(const double *origin, const double *parameters, const double *third, double *numbers);
@@ -99,3 +112,16 @@ GBT_END_C
 #endif
 """
 """What :func:`gbt_ocp.ocp.codegen.problem_source.generate_problem` fills in."""
+
+FLAT_FORM = """#define GBT_SHOOTING 0
+#define GBT_DEGREE {degree}            /* L, degree of the polynomials */
+#define GBT_JOINED {joined}            /* derivatives 0 .. that a piece takes over from the one before */
+"""
+"""Sizes of the flat form."""
+
+SHOOTING_FORM = """#define GBT_SHOOTING 1
+#define GBT_STATES {states}           /* of the vehicle */
+#define GBT_HELD {held}             /* unknowns of a piece: its inputs, or those at both of its ends */
+#define GBT_COST_AT_END {at_end}      /* whether the objective reads the state at the end of a piece alone */
+"""
+"""Sizes of a trajectory by integration."""

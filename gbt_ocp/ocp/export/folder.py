@@ -22,12 +22,13 @@ from gbt_ocp.ocp.codegen.problem_source import from_moments, generate_problem
 from gbt_ocp.ocp.export.building import RUN_S, built, number_after, run_example
 from gbt_ocp.ocp.export.names import checked_prefix, identity_header, prefixed
 from gbt_ocp.ocp.export.vectors import record
-from gbt_ocp.ocp.planner import Planner
+from gbt_ocp.ocp.planner import AnyPlanner
+from gbt_ocp.ocp.problem_data import PosedProblem, ProblemData, ShootingData
 from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 
 
 def write_c(
-    planner: Planner,
+    planner: AnyPlanner,
     folder: str | Path,
     steps: Sequence[Mapping[str, Any]] | None = None,
     prefix: str = "",
@@ -44,7 +45,7 @@ def write_c(
     folder
         A new or empty folder.
     steps
-        Arguments of :meth:`gbt_ocp.ocp.planner.Planner.solve` for the recorded steps; see
+        Arguments of :meth:`gbt_ocp.ocp.planner.AnyPlanner.solve` for the recorded steps; see
         :func:`gbt_ocp.ocp.export.vectors.record`.
     prefix
         Of all names (files, functions, types, macros in capitals), for programs with several planners; see
@@ -66,11 +67,12 @@ def write_c(
         raise ValueError(f"write_c: found solver {planner.solver.name!r}; allowed: 'compiled'")
     checked_prefix(prefix)
     problem, options = planner.problem, planner.solver.options
-    settings = CompiledOptions.checked(options, problem.pieces)
+    shooting = isinstance(problem, ShootingData)
+    settings = CompiledOptions.checked(options, problem.pieces, shooting=shooting)
     target = Path(folder)
     with whole_folder(target) as draft:
         generated = generate_problem(problem, settings).files
-        sources = kernel_files() | generated | dict(beside or {})
+        sources = kernel_files(shooting=shooting) | generated | dict(beside or {})
         sources["gbt_identity.h"] = identity_header(sources)
         vectors = record(planner, steps)
         texts = {f"src/{name}": text for name, text in sources.items()}
@@ -87,8 +89,7 @@ def write_c(
                 "dimension": problem.vehicle.position_dimension,
                 "pieces": problem.pieces,
                 "period_s": problem.period,
-                "degree": problem.degree,
-                "continuity": problem.joined - 1,
+                **_form(problem),
                 "limits": _define(generated["gbt_problem.h"], "GBT_COUNT"),
                 "from_moments": from_moments(problem),
             },
@@ -103,6 +104,24 @@ def write_c(
         }
         _write(draft, {"manifest.json": json.dumps(manifest, indent=2) + "\n"}, "")
     return target
+
+
+_BETWEEN_FLAT = """Between two plans `src/gbt_follow.h` keeps the vehicle on its plan (2 rad/s is a bandwidth to
+begin with), and before the first plan `src/gbt_startup.h` crosses the line of sight until the range is known; each says
+how it is called."""
+
+_BETWEEN_HELD = """Until the next plan the vehicle takes the inputs `plan.thrust[0]`, five points of the first
+period, as they are or linear in time."""
+
+
+def _form(problem: PosedProblem) -> dict[str, Any]:
+    """What the form of the trajectories is, and its numbers."""
+    if isinstance(problem, ProblemData):
+        degree, continuity = problem.degree, problem.joined - 1
+        text = f"flat, degree {degree}, continuous up to derivative {continuity}"
+        return {"form": text, "degree": degree, "continuity": continuity}
+    assert isinstance(problem, ShootingData), "there are no others"
+    return {"form": f"thrust {problem.thrust}, {problem.steps} Runge-Kutta steps a period", "steps": problem.steps}
 
 
 def _template(name: str) -> str:
@@ -171,8 +190,8 @@ def _readme(manifest: Mapping[str, Any]) -> str:
         dimension=problem["dimension"],
         pieces=problem["pieces"],
         period=problem["period_s"],
-        degree=problem["degree"],
-        continuity=problem["continuity"],
+        form=problem["form"],
+        between=_BETWEEN_FLAT if "degree" in problem else _BETWEEN_HELD,
         count=problem["limits"],
         compiler=sizes["compiler"] or "no compiler",
         code=shown("code"),

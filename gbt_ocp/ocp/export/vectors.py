@@ -13,8 +13,8 @@ from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.codegen.expressions import c_array
 from gbt_ocp.ocp.codegen.problem_source import from_moments
-from gbt_ocp.ocp.planner import Planner
-from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.planner import AnyPlanner
+from gbt_ocp.ocp.problem_data import PosedProblem
 from gbt_ocp.ocp.solvers.compiled import STATUSES, moments_of_step
 from gbt_ocp.typing import Array
 
@@ -61,7 +61,7 @@ class Vectors:
         return "".join(parts)
 
 
-def record(planner: Planner, steps: Sequence[Mapping[str, Any]] | None = None) -> Vectors:
+def record(planner: AnyPlanner, steps: Sequence[Mapping[str, Any]] | None = None) -> Vectors:
     """Plan for these steps, one after the other, as the planner does; its memory is left as it is.
 
     Parameters
@@ -69,7 +69,7 @@ def record(planner: Planner, steps: Sequence[Mapping[str, Any]] | None = None) -
     planner
         With the compiled solver.
     steps
-        Arguments of :meth:`Planner.solve` for each step. ``None`` for a vehicle that follows its own plans around a
+        Arguments of :meth:`AnyPlanner.solve` for each step. ``None`` for a vehicle that follows its own plans around a
         drifting forecast, which any objective from the moments of a forecast understands.
 
     Raises
@@ -78,7 +78,7 @@ def record(planner: Planner, steps: Sequence[Mapping[str, Any]] | None = None) -
         If there are no steps and the objective needs data of its own.
     """
     problem = planner.problem
-    planner = Planner(problem, planner.solver)
+    planner = type(planner)(problem, planner.solver)
     moments = from_moments(problem)
     if steps is None and not moments:
         raise ValueError("steps: found None; allowed: arguments of solve(), since the objective needs data of its own")
@@ -92,12 +92,12 @@ def record(planner: Planner, steps: Sequence[Mapping[str, Any]] | None = None) -
         shaken = [_shaken(planner, step, rng) for _ in range(2)]
         planner.previous = before
         plan = planner.solve(**step)
-        drill.state = plan.trajectory.knots[1]
+        drill.state = plan.knots[1]
         if max(np.abs(other - plan.endpoints).max() for other in shaken) > LEAST_MOVE:
             continue
-        row = _inputs(problem, step, moments) | {"endpoints": plan.endpoints}
+        row = _inputs(planner, step, moments) | {"endpoints": plan.endpoints}
         row["warm"] = np.array([before is not None])
-        row["previous"] = np.zeros_like(plan.trajectory.top) if before is None else before.top
+        row["previous"] = np.zeros((problem.pieces, problem.freedoms)) if before is None else before.top
         for name, values in row.items():
             rows.setdefault(name, []).append(np.asarray(values, dtype=float).ravel())
         statuses.append(STATUSES.index(plan.status))
@@ -108,9 +108,10 @@ def record(planner: Planner, steps: Sequence[Mapping[str, Any]] | None = None) -
     return Vectors({name: np.array(values) for name, values in rows.items()}, statuses)
 
 
-def _inputs(problem: ProblemData, step: Mapping[str, Any], moments: bool) -> dict[str, Array]:
+def _inputs(planner: AnyPlanner, step: Mapping[str, Any], moments: bool) -> dict[str, Array]:
+    problem = planner.problem
     data = {name: value for name, value in step.items() if name != "state"}
-    row = {"state": np.asarray(step["state"], dtype=float)}
+    row = {"state": planner.start(step["state"])}
     if moments:
         return row | moments_of_step(problem, data)
     binding = Binding(problem)
@@ -118,7 +119,7 @@ def _inputs(problem: ProblemData, step: Mapping[str, Any], moments: bool) -> dic
     return row | {"parameters": np.concatenate([np.vstack(block).T.ravel() for block in blocks if block])}
 
 
-def _shaken(planner: Planner, step: Mapping[str, Any], rng: np.random.Generator) -> Array:
+def _shaken(planner: AnyPlanner, step: Mapping[str, Any], rng: np.random.Generator) -> Array:
     """Endpoints of the plan from a state that rounding might have changed."""
     before = planner.previous
     state = np.asarray(step["state"], dtype=float)
@@ -131,7 +132,7 @@ def _shaken(planner: Planner, step: Mapping[str, Any], rng: np.random.Generator)
 class _Drill:
     """A vehicle at rest that meets a target drifting by, whose forecast sharpens."""
 
-    def __init__(self, problem: ProblemData) -> None:
+    def __init__(self, problem: PosedProblem) -> None:
         self._problem = problem
         d = problem.vehicle.position_dimension
         self._rng = np.random.default_rng(0)

@@ -1,7 +1,13 @@
-#include "gbt_braking.h"
+/* The last resort of the flat form: slow down within the thrust, by a few projections and without any solver.
+
+   Limits besides those of the thrust are not looked at. A piece starts from the acceleration that stops within it.
+   Wherever the thrust of that exceeds its limits, the acceleration is moved by what the excess of thrust accelerates, point
+   by point along the piece and again until no point exceeds any more. Where a bounded number of rounds does not end that,
+   drifting is the second start, and the piece that breaks the limits less is taken, of two that keep them the one that ends
+   slower. */
+#include "gbt_pieces.h"
 
 #include "gbt_math.h"
-#include "gbt_pieces.h"
 #include "gbt_thrust.h"
 
 #define POINTS 11 /* of a piece at which its thrust is held within the limits, both ends included */
@@ -11,7 +17,7 @@
 #define INSIDE ((gbt_real)0.998) /* share of the limits that a projection leads to: between the points thrust may bulge */
 
 /* The point of a piece with that number, and its thrust; returns by how much that exceeds its limits, at least 0. */
-static gbt_real excess(gbt_real piece[GBT_ORDERS][GBT_FLAT], int k, gbt_real *point, gbt_real *thrust)
+static gbt_real excess(gbt_piece piece, int k, gbt_real *point, gbt_real *thrust)
 {
     gbt_real worst = 0;
     gbt_point_after(piece, GBT_PERIOD * (gbt_real)k / (POINTS - 1), point);
@@ -25,7 +31,7 @@ static gbt_real excess(gbt_real piece[GBT_ORDERS][GBT_FLAT], int k, gbt_real *po
 }
 
 /* Moves the lowest free derivative by a share of what brings the thrust at a point within its limits. */
-static void project(gbt_real piece[GBT_ORDERS][GBT_FLAT], int k, gbt_real share, const gbt_real *point,
+static void project(gbt_piece piece, int k, gbt_real share, const gbt_real *point,
                     gbt_real *thrust)
 {
     gbt_real power[GBT_ORDERS], within[GBT_FLAT];
@@ -41,7 +47,7 @@ static void project(gbt_real piece[GBT_ORDERS][GBT_FLAT], int k, gbt_real share,
 }
 
 /* The best of a few rounds from piece[GBT_JOINED], into best; returns by how much its thrust exceeds the limits. */
-static gbt_real projected(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real best[GBT_FLAT])
+static gbt_real projected(gbt_piece piece, gbt_real best[GBT_FLAT])
 {
     gbt_real point[GBT_POINT], thrust[GBT_INPUTS], least = GBT_INFINITY, share = 1;
     for (int j = 0; j < GBT_FLAT; j++) best[j] = piece[GBT_JOINED][j];
@@ -62,7 +68,7 @@ static gbt_real projected(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real best[GB
 }
 
 /* Fills in the lowest free derivative; those above it brake nothing and are zero. */
-static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT])
+static void brake_piece(gbt_piece piece)
 {
     static const gbt_real idle[GBT_INPUTS], rest[GBT_FLAT];
     gbt_real next[GBT_ORDERS][GBT_FLAT], drift[GBT_FLAT], best[GBT_FLAT];
@@ -94,7 +100,7 @@ static void brake_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT])
 
 void gbt_brake(const gbt_real *start, gbt_real *top)
 {
-    gbt_real piece[GBT_ORDERS][GBT_FLAT];
+    gbt_piece piece;
     for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = start[a];
     for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = 0;
     for (int i = 0; i < GBT_PIECES; i++) {

@@ -1,7 +1,7 @@
 #include "gbt_check.h"
 
+#include "gbt_form.h"
 #include "gbt_math.h"
-#include "gbt_pieces.h"
 
 /* The larger of worst and the violation of a limit at a place. */
 static gbt_real worst_of(const gbt_limit *limit, const gbt_real *place, gbt_real worst)
@@ -16,44 +16,49 @@ static gbt_real worst_of(const gbt_limit *limit, const gbt_real *place, gbt_real
     return worst;
 }
 
-static void survey_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], const gbt_real *moving, int points, int at_start,
+static void survey_piece(gbt_piece piece, const gbt_real *moving, int points, int at_start,
                          gbt_real worst[GBT_LIMITS + 1])
 {
     gbt_real place[GBT_PLACE];
     for (int q = 0; q < GBT_LIMITS; q++) worst[q] = -GBT_INFINITY;
-    if (points == GBT_NODES) {
-        for (int q = 0; q < GBT_LIMITS; q++)
-            for (int k = at_start && gbt_limits[q].given; k <= gbt_limits[q].intervals; k++) {
-                const gbt_real share = (gbt_real)k / (gbt_real)gbt_limits[q].intervals;
-                gbt_point_after(piece, GBT_PERIOD * share, place);
-                gbt_moving_at(moving, share, place);
-                worst[q] = worst_of(&gbt_limits[q], place, worst[q]);
-            }
-        return;
+    int others = 0; /* that nodes do not tell enough of */
+    for (int q = 0; q < GBT_LIMITS; q++) {
+        if (points != GBT_NODES && !gbt_limits[q].steady) {
+            others++;
+            continue;
+        }
+        for (int k = at_start && gbt_limits[q].given; k <= gbt_limits[q].intervals; k++) {
+            const gbt_real share = (gbt_real)k / (gbt_real)gbt_limits[q].intervals;
+            gbt_place_after(piece, share, place);
+            gbt_moving_at(moving, share, place);
+            worst[q] = worst_of(&gbt_limits[q], place, worst[q]);
+        }
     }
+    if (others == 0) return;
     for (int k = 0; k < points; k++) {
         const gbt_real share = (gbt_real)k / (gbt_real)(points - 1);
-        gbt_point_after(piece, GBT_PERIOD * share, place);
+        gbt_place_after(piece, share, place);
         gbt_moving_at(moving, share, place);
         for (int q = 0; q < GBT_LIMITS; q++)
-            if (!(at_start && k == 0 && gbt_limits[q].given)) worst[q] = worst_of(&gbt_limits[q], place, worst[q]);
+            if (!gbt_limits[q].steady && !(at_start && k == 0 && gbt_limits[q].given))
+                worst[q] = worst_of(&gbt_limits[q], place, worst[q]);
     }
 }
 
 /* Puts piece number i in its place, after the one before it, which is spent. */
-static void load_piece(const gbt_real *start, const gbt_real *top, int i, gbt_real piece[GBT_ORDERS][GBT_FLAT])
+static void load_piece(const gbt_real *start, const gbt_real *top, int i, gbt_piece piece)
 {
-    gbt_real end[GBT_ORDERS][GBT_FLAT];
+    gbt_piece end;
     if (i > 0) gbt_next_piece(piece, end);
     for (int a = 0; a < GBT_STATE; a++)
-        piece[a / GBT_FLAT][a % GBT_FLAT] = i > 0 ? end[a / GBT_FLAT][a % GBT_FLAT] : start[a];
+        *gbt_inherited(piece, a) = i > 0 ? *gbt_inherited(end, a) : start[a];
     for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = top[i * GBT_FREE + a];
 }
 
 void gbt_survey(const gbt_real *start, const gbt_real *top, int pieces, int points, const gbt_real *moving,
                 gbt_real worst[][GBT_LIMITS + 1])
 {
-    gbt_real piece[GBT_ORDERS][GBT_FLAT];
+    gbt_piece piece;
     for (int i = 0; i < pieces; i++) {
         load_piece(start, top, i, piece);
         survey_piece(piece, moving + i * GBT_KNOT_NUMBERS, points, i == 0, worst[i]);
@@ -63,7 +68,8 @@ void gbt_survey(const gbt_real *start, const gbt_real *top, int pieces, int poin
 void gbt_check(const gbt_real *start, const gbt_real *top, int pieces, int points, const gbt_real *moving,
                gbt_real *violation)
 {
-    gbt_real piece[GBT_ORDERS][GBT_FLAT], worst[GBT_LIMITS + 1];
+    gbt_piece piece;
+    gbt_real worst[GBT_LIMITS + 1];
     for (int i = 0; i < pieces; i++) {
         load_piece(start, top, i, piece);
         survey_piece(piece, moving + i * GBT_KNOT_NUMBERS, points, i == 0, worst);

@@ -9,9 +9,9 @@ GBT_BEGIN_C
 #define GBT_NODES 0 /* in the place of the number of points: each limit at its own nodes */
 
 /* Largest violation of each limit in each piece in units of the limit, negative inside, infinity where one is not a
-   number. What is given at the start is left out there.
+   number. What is given at the start is left out there. A steady limit is looked at where it is worst, at its nodes.
 
-   start    the continuous derivatives, GBT_JOINED x GBT_FLAT
+   start    the state where the trajectory begins, GBT_STATE
    top      what is free in each piece, pieces x GBT_FREE, not scaled
    pieces   how many, any number
    points   of the grid of a piece, both ends included, at least 2, or GBT_NODES

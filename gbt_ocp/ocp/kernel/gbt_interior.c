@@ -4,9 +4,8 @@
    solved: each iterate can be executed and judged, and there is need for neither a filter nor a restoration phase. */
 #include "gbt_interior.h"
 
+#include "gbt_form.h"
 #include "gbt_math.h"
-#include "gbt_pieces.h"
-#include "gbt_riccati.h"
 #include "gbt_slacks.h"
 
 #define FRACTION ((gbt_real)0.99)       /* of the way to zero that a multiplier may go in one step */
@@ -64,12 +63,16 @@ gbt_real gbt_worst_side(const gbt_workspace *work, gbt_which which)
     return worst;
 }
 
-/* work->pull: the gradient of f plus the Jacobians transposed times these multipliers, piece by piece. */
-static void lagrangian_gradient(gbt_workspace *work, const gbt_real *multipliers)
+/* Numbers of all pieces, and the first of them. */
+static int numbers_of(const gbt_workspace *work) { return (work->pieces + GBT_ROWS_OF_PIECES - GBT_PIECES) * GBT_PIECE; }
+
+static gbt_real *first_of(gbt_piece *pieces) { return (gbt_real *)pieces; }
+
+void gbt_lagrangian_gradient(gbt_workspace *work, const gbt_real *multipliers)
 {
-    for (int i = 0; i < work->pieces; i++)
-        for (int l = 0; l < GBT_ORDERS; l++)
-            for (int j = 0; j < GBT_FLAT; j++) work->pull[i][l][j] = work->gradient[i][l][j];
+    const int count = numbers_of(work);
+    gbt_real *pull = first_of(work->pull), *gradient = first_of(work->gradient);
+    for (int k = 0; k < count; k++) pull[k] = gradient[k];
     gbt_pull_back(work, multipliers, work->pull);
 }
 
@@ -77,8 +80,8 @@ static void lagrangian_gradient(gbt_workspace *work, const gbt_real *multipliers
 static gbt_real residual(gbt_workspace *work)
 {
     gbt_real worst = 0;
-    lagrangian_gradient(work, work->lambda);
-    gbt_adjoint(work->pull, work->pieces, work->push);
+    gbt_lagrangian_gradient(work, work->lambda);
+    gbt_adjoint(work, work->pull, work->push);
     for (int i = 0; i < work->pieces; i++)
         for (int a = 0; a < GBT_FREE; a++) {
             const gbt_real slope = gbt_fabs(work->push[i][a] * gbt_input_scale[a]);
@@ -88,12 +91,12 @@ static gbt_real residual(gbt_workspace *work)
     return worst;
 }
 
-static gbt_real objective_slope(const gbt_workspace *work)
+static gbt_real objective_slope(gbt_workspace *work)
 {
+    const int count = numbers_of(work);
+    const gbt_real *gradient = first_of(work->gradient), *step = first_of(work->step);
     gbt_real slope = 0;
-    for (int i = 0; i < work->pieces; i++)
-        for (int l = 0; l < GBT_ORDERS; l++)
-            for (int j = 0; j < GBT_FLAT; j++) slope += work->gradient[i][l][j] * work->step[i][l][j];
+    for (int k = 0; k < count; k++) slope += gradient[k] * step[k];
     return slope;
 }
 
@@ -112,7 +115,7 @@ static gbt_real convexify(gbt_workspace *work, gbt_real last)
 /* Newton's step with the multipliers work->target, of which sigma and shift are known. */
 static void find_step(gbt_workspace *work)
 {
-    lagrangian_gradient(work, work->target);
+    gbt_lagrangian_gradient(work, work->target);
     gbt_newton_step(work, work->pull);
     gbt_push_forward(work);
     gbt_recover(work);
@@ -122,10 +125,7 @@ static void find_step(gbt_workspace *work)
 static gbt_real merit_after(gbt_workspace *work, gbt_real mu, gbt_real alpha)
 {
     gbt_real merit;
-    for (int i = 0; i < work->pieces; i++)
-        for (int l = 0; l < GBT_ORDERS; l++)
-            for (int j = 0; j < GBT_FLAT; j++)
-                work->trial[i][l][j] = work->piece[i][l][j] + alpha * work->step[i][l][j];
+    gbt_try(work, alpha);
     work->f_trial = gbt_evaluate(work, work->trial, work->y_trial);
     merit = work->f_trial + gbt_barrier(work, work->y_trial, mu, alpha);
     return isfinite(merit) ? merit : GBT_INFINITY;
@@ -157,7 +157,7 @@ static gbt_real search(gbt_workspace *work, gbt_real mu)
 
 /* Whether the step promises less than rounding hides: then the iterate is as good as the precision allows, also where the
    gradient is larger than the tolerance, as next to a kink of the objective that the precision does not resolve. */
-static int is_flat(const gbt_workspace *work, gbt_real mu)
+static int is_flat(gbt_workspace *work, gbt_real mu)
 {
     const gbt_real merit = work->f + gbt_barrier(work, work->y, mu, 0);
     const gbt_real slope = objective_slope(work) + gbt_barrier_slope(work, mu);
@@ -166,11 +166,24 @@ static int is_flat(const gbt_workspace *work, gbt_real mu)
 
 static void accept(gbt_workspace *work, gbt_real mu, gbt_real alpha)
 {
-    for (int i = 0; i < work->pieces; i++)
-        for (int l = 0; l < GBT_ORDERS; l++)
-            for (int j = 0; j < GBT_FLAT; j++) work->piece[i][l][j] = work->trial[i][l][j];
+    const int count = numbers_of(work);
+    gbt_real *piece = first_of(work->piece), *trial = first_of(work->trial);
+    for (int k = 0; k < count; k++) piece[k] = trial[k];
     work->f = work->f_trial;
     gbt_move_sides(work, alpha, 1 - mu > FRACTION ? 1 - mu : FRACTION);
+}
+
+int gbt_make_ready(gbt_workspace *work, gbt_real mu)
+{
+    work->f = gbt_evaluate(work, work->piece, work->y);
+    if (!isfinite(work->f) || !gbt_all_finite(work->y, work->count)) return 0;
+    gbt_lift(work, mu);
+    gbt_centre(work, mu);
+    gbt_differentiate(work);
+    if (isnan(residual(work))) return 0;
+    gbt_eliminate(work, mu);
+    gbt_assemble(work);
+    return convexify(work, 0) >= 0;
 }
 
 gbt_real gbt_last_barrier(const gbt_settings *settings)

@@ -29,6 +29,13 @@ typedef enum { GBT_ALL, GBT_HARD_THRUST, GBT_HARD_OTHERS } gbt_which;
 /* Largest side of these limits. */
 gbt_real gbt_worst_side(const gbt_workspace *work, gbt_which which);
 
+/* Newton's step at work->piece, ready but for the gradient: all derivatives, slacks and multipliers at mu, the factors.
+   Returns 0 where that fails. */
+int gbt_make_ready(gbt_workspace *work, gbt_real mu);
+
+/* work->pull: the gradient of f plus the Jacobians transposed times these multipliers, piece by piece. */
+void gbt_lagrangian_gradient(gbt_workspace *work, const gbt_real *multipliers);
+
 int gbt_all_finite(const gbt_real *x, int count);
 
 GBT_END_C

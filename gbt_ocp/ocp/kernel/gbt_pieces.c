@@ -8,7 +8,7 @@ void gbt_taylor(gbt_real s, gbt_real power[GBT_ORDERS])
     for (int k = 1; k < GBT_ORDERS; k++) power[k] = power[k - 1] * s / (gbt_real)k;
 }
 
-static void point_at(gbt_real piece[GBT_ORDERS][GBT_FLAT], const gbt_real *power, gbt_real *point)
+static void point_at(gbt_piece piece, const gbt_real *power, gbt_real *point)
 {
     for (int o = 0; o < 3; o++)
         for (int j = 0; j < GBT_FLAT; j++) {
@@ -18,18 +18,23 @@ static void point_at(gbt_real piece[GBT_ORDERS][GBT_FLAT], const gbt_real *power
         }
 }
 
-static void add_transposed(const gbt_real *power, const gbt_real *point, gbt_real piece[GBT_ORDERS][GBT_FLAT])
+static void add_transposed(const gbt_real *power, const gbt_real *point, gbt_piece piece)
 {
     for (int o = 0; o < 3; o++)
         for (int k = 0; o + k < GBT_ORDERS; k++)
             for (int j = 0; j < GBT_FLAT; j++) piece[o + k][j] += power[k] * point[o * GBT_FLAT + j];
 }
 
-void gbt_point_after(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real s, gbt_real *point)
+void gbt_point_after(gbt_piece piece, gbt_real s, gbt_real *point)
 {
     gbt_real power[GBT_ORDERS];
     gbt_taylor(s, power);
     point_at(piece, power, point);
+}
+
+void gbt_place_after(gbt_piece piece, gbt_real share, gbt_real *place)
+{
+    gbt_point_after(piece, GBT_PERIOD * share, place);
 }
 
 void gbt_moving_at(const gbt_real *ends, gbt_real share, gbt_real *place)
@@ -39,14 +44,14 @@ void gbt_moving_at(const gbt_real *ends, gbt_real share, gbt_real *place)
 }
 
 /* What a limit looks at: the point of piece i after a share of it, and the limit's numbers there. */
-static void place_at(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GBT_FLAT], int i, gbt_real share,
+static void place_at(const gbt_workspace *work, gbt_piece piece[], int i, gbt_real share,
                      const gbt_real *power, gbt_real *place)
 {
     point_at(piece[i], power, place);
     gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, share, place);
 }
 
-void gbt_next_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDERS][GBT_FLAT])
+void gbt_next_piece(gbt_piece piece, gbt_piece next)
 {
     gbt_real power[GBT_ORDERS];
     gbt_taylor(GBT_PERIOD, power);
@@ -58,12 +63,12 @@ void gbt_next_piece(gbt_real piece[GBT_ORDERS][GBT_FLAT], gbt_real next[GBT_ORDE
         }
 }
 
-void gbt_propagate(gbt_real piece[][GBT_ORDERS][GBT_FLAT], int pieces)
+void gbt_propagate(gbt_piece piece[], int pieces)
 {
     for (int i = 1; i < pieces; i++) gbt_next_piece(piece[i - 1], piece[i]);
 }
 
-void gbt_settle(gbt_real piece[GBT_ORDERS][GBT_FLAT], int first, const gbt_real *aim)
+void gbt_settle(gbt_piece piece, int first, const gbt_real *aim)
 {
     /* The gains that bring a chain of so many integrators to rest in as many steps of one second (all poles at zero). */
     static const gbt_real gain[4][4] = {
@@ -84,7 +89,8 @@ void gbt_settle(gbt_real piece[GBT_ORDERS][GBT_FLAT], int first, const gbt_real 
 
 void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top)
 {
-    gbt_real piece[GBT_ORDERS][GBT_FLAT], aim[GBT_FLAT];
+    gbt_piece piece;
+    gbt_real aim[GBT_FLAT];
     for (int j = 0; j < GBT_FLAT; j++) aim[j] = aside / gbt_sqrt((gbt_real)(j + 1)) * gbt_acceleration_scale[j];
     for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = start[a];
     for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = 0;
@@ -95,8 +101,10 @@ void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top)
     }
 }
 
-void gbt_adjoint(gbt_real gradient[][GBT_ORDERS][GBT_FLAT], int pieces, gbt_real out[][GBT_FREE])
+/* A piece depends linearly on the one before: its adjoint is the same everywhere. */
+void gbt_adjoint(const gbt_workspace *work, gbt_piece gradient[], gbt_real out[][GBT_FREE])
 {
+    const int pieces = work->pieces;
     gbt_real power[GBT_ORDERS];
     gbt_taylor(GBT_PERIOD, power);
     for (int i = pieces - 1; i >= 0; i--) {
@@ -107,7 +115,47 @@ void gbt_adjoint(gbt_real gradient[][GBT_ORDERS][GBT_FLAT], int pieces, gbt_real
     }
 }
 
-gbt_real gbt_evaluate(const gbt_workspace *work, gbt_real piece[][GBT_ORDERS][GBT_FLAT], gbt_real *y)
+/* It coasts. */
+void gbt_lengthen(const gbt_real *last, gbt_real *added)
+{
+    (void)last;
+    for (int a = 0; a < GBT_FREE; a++) added[a] = 0;
+}
+
+gbt_real gbt_term(gbt_piece piece, const gbt_real *numbers)
+{
+    gbt_real point[GBT_POINT], value;
+    gbt_point_after(piece, GBT_PERIOD, point);
+    gbt_objective.value(point, numbers, 0, &value);
+    return value;
+}
+
+void gbt_inputs_after(gbt_piece piece, gbt_real share, gbt_real *inputs)
+{
+    gbt_real point[GBT_POINT];
+    gbt_place_after(piece, share, point);
+    gbt_vehicle_inputs(point, 0, 0, inputs);
+}
+
+void gbt_end_of(gbt_piece piece, gbt_real *z, gbt_real *dz)
+{
+    gbt_piece next;
+    gbt_next_piece(piece, next);
+    for (int j = 0; j < GBT_FLAT; j++) {
+        z[j] = next[0][j];
+        dz[j] = next[1][j];
+    }
+}
+
+void gbt_try(gbt_workspace *work, gbt_real alpha)
+{
+    for (int i = 0; i < work->pieces; i++)
+        for (int l = 0; l < GBT_ORDERS; l++)
+            for (int j = 0; j < GBT_FLAT; j++)
+                work->trial[i][l][j] = work->piece[i][l][j] + alpha * work->step[i][l][j];
+}
+
+gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
 {
     gbt_real power[GBT_ORDERS], point[GBT_PLACE], value[GBT_ROWS], f = 0;
     gbt_taylor(GBT_PERIOD, power);
@@ -159,7 +207,7 @@ void gbt_differentiate(gbt_workspace *work)
     }
 }
 
-void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_real out[][GBT_ORDERS][GBT_FLAT])
+void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_piece out[])
 {
     gbt_real power[GBT_ORDERS], row[GBT_ROWS], slope[GBT_POINT];
     const gbt_real *jacobian = work->jacobian;

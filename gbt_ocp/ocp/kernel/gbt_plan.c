@@ -1,11 +1,10 @@
 #include "gbt_plan.h"
 
-#include "gbt_braking.h"
 #include "gbt_check.h"
+#include "gbt_form.h"
 #include "gbt_interior.h"
 #include "gbt_math.h"
 #include "gbt_moments.h"
-#include "gbt_pieces.h"
 #include "gbt_places.h"
 
 enum { N = GBT_PIECES * GBT_FREE };
@@ -14,6 +13,9 @@ void gbt_plan_init(gbt_planner *planner)
 {
     gbt_default_settings(&planner->settings);
     planner->warm = 0;
+#if GBT_SHOOTING
+    planner->ready = 0;
+#endif
 #if GBT_RELATIVE
     for (int j = 0; j < GBT_DIMENSION; j++) planner->origin[j] = 0;
 #endif
@@ -43,17 +45,16 @@ static gbt_status refuse(gbt_plan_result *plan)
     return plan->status = GBT_NOT_FINITE;
 }
 
-/* The rest of the previous plan, its last piece coasting. */
-static void shift(const gbt_planner *planner, gbt_real top[GBT_PIECES][GBT_FREE])
+/* The rest of the previous plan, lengthened by a piece. */
+static void shift(const gbt_planner *planner, gbt_real *top)
 {
-    for (int i = 0; i < GBT_PIECES; i++)
-        for (int a = 0; a < GBT_FREE; a++) top[i][a] = i + 1 < GBT_PIECES ? planner->previous[i + 1][a] : 0;
+    for (int k = 0; k < N - GBT_FREE; k++) top[k] = (&planner->previous[0][0])[k + GBT_FREE];
+    gbt_lengthen(planner->previous[GBT_PIECES - 1], top + N - GBT_FREE);
 }
 
-static int keep(gbt_real from[GBT_PIECES][GBT_FREE], gbt_real to[GBT_PIECES][GBT_FREE])
+static int keep(const gbt_real *from, gbt_real *to)
 {
-    for (int i = 0; i < GBT_PIECES; i++)
-        for (int a = 0; a < GBT_FREE; a++) to[i][a] = from[i][a];
+    for (int k = 0; k < N; k++) to[k] = from[k];
     return 1;
 }
 
@@ -163,23 +164,16 @@ static void judge(const gbt_planner *planner, const gbt_real *state, const gbt_r
 /* All else that follows from plan->top. */
 static void complete(const gbt_real *state, const gbt_real *parameters, gbt_plan_result *plan)
 {
-    gbt_real piece[GBT_ORDERS][GBT_FLAT], next[GBT_ORDERS][GBT_FLAT], point[GBT_POINT], term;
+    gbt_piece piece;
     plan->objective = 0;
-    for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = state[a];
+    for (int a = 0; a < GBT_STATE; a++) *gbt_inherited(piece, a) = state[a];
     for (int i = 0; i < GBT_PIECES; i++) {
         for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = plan->top[i][a];
-        for (int k = 0; k < GBT_PROFILE; k++) {
-            gbt_point_after(piece, GBT_PERIOD * (gbt_real)k / (GBT_PROFILE - 1), point);
-            gbt_vehicle_inputs(point, 0, 0, plan->thrust[i][k]);
-        }
-        gbt_objective.value(point, parameters + i * GBT_END_NUMBERS, 0, &term);
-        plan->objective += term;
-        gbt_next_piece(piece, next);
-        for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = next[a / GBT_FLAT][a % GBT_FLAT];
-        for (int j = 0; j < GBT_FLAT; j++) {
-            plan->endpoints[i][j] = next[0][j];
-            plan->rates[i][j] = next[1][j];
-        }
+        for (int k = 0; k < GBT_PROFILE; k++)
+            gbt_inputs_after(piece, (gbt_real)k / (GBT_PROFILE - 1), plan->thrust[i][k]);
+        plan->objective += gbt_term(piece, parameters + i * GBT_END_NUMBERS);
+        gbt_end_of(piece, plan->endpoints[i], plan->rates[i]);
+        gbt_next_piece(piece, piece);
     }
 }
 
@@ -189,22 +183,22 @@ static void plan_from(gbt_planner *planner, const gbt_real *state, gbt_plan_resu
     const gbt_real *parameters = planner->numbers, *moving = parameters + GBT_LIMIT_NUMBERS;
     const int deadline = planner->settings.deadline;
     gbt_status found;
-    gbt_real unfinished[GBT_PIECES][GBT_FREE];
+    gbt_real unfinished[N];
     int some = 0;
     plan->iterations = plan->tightened = 0;
     gbt_broken_at_start(state, moving, plan->broken_at_start);
 
     if (planner->warm)
-        shift(planner, plan->top);
+        shift(planner, &plan->top[0][0]);
     else
-        gbt_coast(state, GBT_ASIDE, plan->top[0]);
+        gbt_coast(state, GBT_ASIDE, &plan->top[0][0]);
     /* a warm attempt leaves a third of the iterations to a cold one */
     plan->status = found = attempt(planner, state, parameters, planner->warm,
                                    planner->warm ? deadline - deadline / 3 : deadline, plan);
     plan->origin = GBT_PLANNED;
     if (found == GBT_ITERATION_LIMIT) {
         /* Nearer to a solution than what it started from, and so is the next step that starts from it. */
-        some = keep(plan->top, unfinished);
+        some = keep(&plan->top[0][0], unfinished);
         if (keeps_limits(planner, state, moving, plan, 0)) {
             plan->origin = GBT_UNFINISHED;
             found = GBT_SOLVED;
@@ -212,20 +206,20 @@ static void plan_from(gbt_planner *planner, const gbt_real *state, gbt_plan_resu
     }
     if (found != GBT_SOLVED && planner->warm) {
         /* From where the vehicle really is, which is where the previous plan led unless it was pushed. */
-        shift(planner, plan->top);
+        shift(planner, &plan->top[0][0]);
         if (keeps_limits(planner, state, moving, plan, 0)) {
             plan->origin = GBT_SHIFTED;
             found = GBT_SOLVED;
         }
     }
     if (found != GBT_SOLVED && planner->warm) {
-        gbt_coast(state, GBT_ASIDE, plan->top[0]);
+        gbt_coast(state, GBT_ASIDE, &plan->top[0][0]);
         plan->origin = GBT_COLD;
         found = attempt(planner, state, parameters, 0, deadline - plan->iterations, plan);
-        if (found == GBT_ITERATION_LIMIT && !some) some = keep(plan->top, unfinished);
+        if (found == GBT_ITERATION_LIMIT && !some) some = keep(&plan->top[0][0], unfinished);
     }
     if (found != GBT_SOLVED && some) {
-        keep(unfinished, plan->top);
+        keep(unfinished, &plan->top[0][0]);
         if (keeps_limits(planner, state, moving, plan, 1)) {
             plan->origin = GBT_UNFINISHED;
             found = GBT_SOLVED;
@@ -248,20 +242,41 @@ static int is_finite(const gbt_plan_result *plan)
            gbt_all_finite(&plan->thrust[0][0][0], GBT_PIECES * GBT_PROFILE * GBT_INPUTS);
 }
 
-/* The same, with endpoints in the coordinates of the state; refuses what is not finite, or is so large that nothing finite
-   comes of it, and remembers nothing of that. */
+/* Keeps a plan from a start relative to an origin as the previous one, and gives its endpoints in the coordinates of the
+   state. */
+static gbt_status remember(gbt_planner *planner, const double *origin, const gbt_real *start, gbt_plan_result *plan)
+{
+    for (int k = 0; k < N; k++) planner->previous[k / GBT_FREE][k % GBT_FREE] = plan->top[k / GBT_FREE][k % GBT_FREE];
+    planner->warm = 1;
+#if GBT_SHOOTING
+    planner->ready = 0;
+    for (int j = 0; j < GBT_DIMENSION; j++) planner->place[j] = origin[j];
+    for (int a = 0; a < GBT_STATE; a++) planner->begin[a] = start[a];
+#else
+    (void)start;
+#endif
+    for (int i = 0; i < GBT_PIECES; i++)
+        for (int j = 0; j < GBT_DIMENSION; j++)
+            plan->endpoints[i][j] = (gbt_real)(origin[j] - base_of(planner)[j] + (double)plan->endpoints[i][j]);
+    return plan->status;
+}
+
+/* Refuses what is not finite, or is so large that nothing finite comes of it, and remembers nothing of that. */
 static gbt_status plan_relative(gbt_planner *planner, const double *origin, const gbt_real *start,
                                 gbt_plan_result *plan)
 {
     if (!gbt_all_finite(start, GBT_STATE) || !gbt_all_finite(planner->numbers, GBT_NUMBERS)) return refuse(plan);
     plan_from(planner, start, plan);
     if (!is_finite(plan)) return refuse(plan);
-    for (int k = 0; k < N; k++) planner->previous[k / GBT_FREE][k % GBT_FREE] = plan->top[k / GBT_FREE][k % GBT_FREE];
-    planner->warm = 1;
-    for (int i = 0; i < GBT_PIECES; i++)
-        for (int j = 0; j < GBT_DIMENSION; j++)
-            plan->endpoints[i][j] = (gbt_real)(origin[j] - base_of(planner)[j] + (double)plan->endpoints[i][j]);
-    return plan->status;
+    return remember(planner, origin, start, plan);
+}
+
+/* planner->numbers from the parameters. */
+static void place_all(gbt_planner *planner, const double *origin, const double *parameters)
+{
+    gbt_place_ends(origin, parameters, GBT_PIECES, planner->numbers);
+    gbt_place_knots(origin, parameters + GBT_PIECES * GBT_PARAMETERS, GBT_PIECES + 1,
+                    planner->numbers + GBT_LIMIT_NUMBERS);
 }
 
 gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, const double *parameters,
@@ -270,26 +285,32 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
     double origin[GBT_DIMENSION];
     gbt_real start[GBT_STATE];
     gbt_begin(base_of(planner), state, origin, start);
-    gbt_place_ends(origin, parameters, GBT_PIECES, planner->numbers);
-    gbt_place_knots(origin, parameters + GBT_PIECES * GBT_PARAMETERS, GBT_PIECES + 1,
-                    planner->numbers + GBT_LIMIT_NUMBERS);
+    place_all(planner, origin, parameters);
     return plan_relative(planner, origin, start, plan);
 }
 
 #if GBT_MOMENTS
+/* Here already: the root of a covariance takes what is not a positive eigenvalue for zero. */
+static int moments_are_finite(const gbt_real *mean, const gbt_real *covariance, const gbt_real *desired)
+{
+    enum { BOUNDARIES = GBT_PIECES + GBT_PRESENT };
+    return gbt_all_finite(mean, BOUNDARIES * GBT_DIMENSION) &&
+           gbt_all_finite(covariance, BOUNDARIES * GBT_DIMENSION * GBT_DIMENSION) &&
+           gbt_all_finite(desired, GBT_PIECES * GBT_DIMENSION);
+}
+
 gbt_status gbt_plan(gbt_planner *planner, const gbt_real *state, const gbt_real *mean, const gbt_real *covariance,
                     const gbt_real *desired, gbt_plan_result *plan)
 {
-    enum { BOUNDARIES = GBT_PIECES + GBT_PRESENT };
     double origin[GBT_DIMENSION];
     gbt_real start[GBT_STATE];
-    /* here already: the root of a covariance takes what is not a positive eigenvalue for zero */
-    if (!gbt_all_finite(mean, BOUNDARIES * GBT_DIMENSION) ||
-        !gbt_all_finite(covariance, BOUNDARIES * GBT_DIMENSION * GBT_DIMENSION) ||
-        !gbt_all_finite(desired, GBT_PIECES * GBT_DIMENSION))
-        return refuse(plan);
+    if (!moments_are_finite(mean, covariance, desired)) return refuse(plan);
     gbt_begin(base_of(planner), state, origin, start);
     gbt_bind(base_of(planner), origin, mean, covariance, desired, planner->numbers);
     return plan_relative(planner, origin, start, plan);
 }
+#endif
+
+#if GBT_SHOOTING
+#include "gbt_shoot_time.h"
 #endif

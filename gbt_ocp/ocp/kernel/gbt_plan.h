@@ -59,6 +59,11 @@ typedef struct {
 #if GBT_RELATIVE
     double origin[GBT_DIMENSION]; /* of the coordinates of state, means and endpoints; see gbt_plan_init */
 #endif
+#if GBT_SHOOTING
+    int ready;                      /* whether gbt_plan_prepare has done its part */
+    double place[GBT_DIMENSION];    /* what numbers and begin are relative to */
+    gbt_real begin[GBT_STATE];      /* where the previous plan began */
+#endif
     gbt_real numbers[GBT_NUMBERS + 1];
     gbt_workspace work;
 } gbt_planner;
@@ -75,7 +80,7 @@ size_t gbt_planner_bytes(void);
 #if GBT_MOMENTS
 /* Plans from the moments of a forecast. The inputs are read before the plan is written, and may be part of it.
 
-   state        continuous derivatives of the flat output now, itself first, GBT_JOINED x GBT_FLAT
+   state        now, GBT_STATE: of a flat vehicle the continuous derivatives of the flat output, itself first
    mean         of the target's position at the endpoints t + T, t + 2 T, ..., GBT_PIECES x GBT_DIMENSION, m; where
                 GBT_PRESENT is 1, limits depend on the target, and the mean at t comes first: one row more
    covariance   the same, as many x GBT_DIMENSION x GBT_DIMENSION, m^2
@@ -88,6 +93,22 @@ gbt_status gbt_plan(gbt_planner *planner, const gbt_real *state, const gbt_real 
    (GBT_PIECES + 1) x GBT_MOVING. Positions among them are those of zones and depths, whatever the origin. */
 gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, const double *parameters,
                                gbt_plan_result *plan);
+
+#if GBT_SHOOTING
+/* A step in two parts, for the least time between state and plan. Between two samples gbt_plan_prepare takes the rest of
+   the previous plan, to be over by one piece when the next state comes, with the forecast of then, and computes and
+   factorises all derivatives: nearly all of an iteration. Returns GBT_SOLVED, or GBT_NUMERICAL_FAILURE if that cannot be;
+   without a previous plan the latter. When the state is there, gbt_plan_feedback makes one Newton step for it and for the
+   new forecast and two iterations more, and gives the plan, whether they have converged or not; inputs are cut to what the
+   vehicle has. Where nothing is prepared it is gbt_plan. (Diehl, Bock and Schlöder 2005: the real-time iteration.) */
+gbt_status gbt_plan_prepare(gbt_planner *planner);
+#if GBT_MOMENTS
+gbt_status gbt_plan_feedback(gbt_planner *planner, const gbt_real *state, const gbt_real *mean,
+                             const gbt_real *covariance, const gbt_real *desired, gbt_plan_result *plan);
+#endif
+gbt_status gbt_plan_feedback_parameters(gbt_planner *planner, const gbt_real *state, const double *parameters,
+                                        gbt_plan_result *plan);
+#endif
 
 GBT_END_C
 

@@ -1,7 +1,14 @@
-#include "gbt_riccati.h"
+/* Newton's step of the flat form by a Riccati recursion: the trajectory is a linear system (derivatives 0 .. L-1, driven
+   by the L-th), so the quadratic model of the problem is a linear-quadratic one, and the cost of a step is linear in the
+   pieces.
+
+   The regularisation is added for every derivative that is joined, from the rate on, at the end of a piece, in units of
+   what an input of one changes it by within the piece. (Added to the inputs themselves, a long horizon would need far
+   more of it: all later rates change with an early input. Added to the rates alone, it would leave derivatives above them
+   free to alternate from piece to piece.) */
+#include "gbt_pieces.h"
 
 #include "gbt_math.h"
-#include "gbt_pieces.h"
 
 /* Solves L x = b and then L' x = b in place. */
 static void forward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
@@ -90,7 +97,7 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
     return 1;
 }
 
-void gbt_newton_step(gbt_workspace *work, gbt_real gradient[][GBT_ORDERS][GBT_FLAT])
+void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[])
 {
     gbt_real power[GBT_ORDERS];
     gbt_taylor(GBT_PERIOD, power);

@@ -1,9 +1,9 @@
 /* One solve: from where it starts, and what is done where it fails. The method is in gbt_interior.c. */
 #include "gbt_solver.h"
 
+#include "gbt_form.h"
 #include "gbt_interior.h"
 #include "gbt_math.h"
-#include "gbt_pieces.h"
 #include "gbt_slacks.h"
 
 /* Pieces of the tail that is solved ahead of a warm start, and how well: it only has to be a good guess. */
@@ -32,11 +32,11 @@ static void load(const gbt_real *start, const gbt_real *parameters, int first, i
     work->count = GBT_COUNT / GBT_PIECES * pieces;
     work->parameters = parameters + first * GBT_END_NUMBERS;
     work->moving = parameters + GBT_LIMIT_NUMBERS + first * GBT_KNOT_NUMBERS;
-    for (int a = 0; a < GBT_STATE; a++) work->piece[0][a / GBT_FLAT][a % GBT_FLAT] = start[a];
+    for (int a = 0; a < GBT_STATE; a++) *gbt_inherited(work->piece[0], a) = start[a];
     for (int i = 0; i < first + pieces; i++) {
-        gbt_real(*piece)[GBT_FLAT] = work->piece[i < first ? 0 : i - first];
-        for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = u[i * GBT_FREE + a] * gbt_input_scale[a];
-        if (i < first) gbt_next_piece(piece, piece);
+        gbt_piece *piece = &work->piece[i < first ? 0 : i - first];
+        for (int a = 0; a < GBT_FREE; a++) *gbt_free(*piece, a) = u[i * GBT_FREE + a] * gbt_input_scale[a];
+        if (i < first) gbt_next_piece(*piece, *piece);
     }
     gbt_propagate(work->piece, pieces);
 }

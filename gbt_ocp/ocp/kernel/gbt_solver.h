@@ -1,4 +1,4 @@
-/* Solver of trajectory problems of flat vehicles: the interface of the kernel.
+/* Solver of trajectory problems: the interface of the kernel. A trajectory has one of two forms (gbt_form.h).
 
    The problem itself (sizes, limits, derivatives) is generated: gbt_problem.h and gbt_problem.c. The kernel allocates
    nothing, recurses nowhere, keeps nothing between calls outside the workspace, and calls only libm. */
@@ -13,11 +13,22 @@
 
 GBT_BEGIN_C
 
+#if GBT_SHOOTING
+#define GBT_STATE GBT_STATES                  /* the state at the beginning of a piece */
+#define GBT_FREE GBT_HELD                     /* the inputs that are held, or change linearly, over it */
+#define GBT_PIECE (GBT_STATE + GBT_FREE)      /* numbers that describe a piece: state, inputs */
+#define GBT_POINT (GBT_PIECE + 1)             /* the same and the share of the piece that is over */
+#define GBT_ROWS_OF_PIECES (GBT_PIECES + 1)   /* one more than the pieces, for the state at the end */
+typedef gbt_real gbt_piece[GBT_PIECE];
+#else
 #define GBT_ORDERS (GBT_DEGREE + 1)           /* derivatives 0 .. L of the flat output describe a piece */
 #define GBT_PIECE (GBT_ORDERS * GBT_FLAT)     /* numbers that describe a piece */
 #define GBT_STATE (GBT_JOINED * GBT_FLAT)     /* the continuous derivatives: what a piece inherits from the one before */
 #define GBT_FREE (GBT_PIECE - GBT_STATE)      /* those above them, up to the L-th: what is free in a piece */
 #define GBT_POINT (3 * GBT_FLAT)              /* z, its rate and its acceleration at one time */
+#define GBT_ROWS_OF_PIECES GBT_PIECES
+typedef gbt_real gbt_piece[GBT_ORDERS][GBT_FLAT];
+#endif
 #define GBT_PLACE (GBT_POINT + GBT_KNOT_NUMBERS) /* the same, and the numbers that constraints need at that time */
 
 /* numbers that change from solve to solve: of the objective at the endpoints, then of the limits at the boundaries */
@@ -59,15 +70,19 @@ typedef struct {
 /* Everything a solve needs besides its arguments; its content on entry does not matter. A "side" is one bound of one
    constraint at one node. */
 typedef struct {
-    /* the trajectory: derivatives 0 .. L of each piece at its beginning */
-    gbt_real piece[GBT_PIECES][GBT_ORDERS][GBT_FLAT];
-    gbt_real trial[GBT_PIECES][GBT_ORDERS][GBT_FLAT];
-    gbt_real step[GBT_PIECES][GBT_ORDERS][GBT_FLAT];
-    /* derivatives with respect to the numbers of each piece */
-    gbt_real gradient[GBT_PIECES][GBT_ORDERS][GBT_FLAT];
-    gbt_real pull[GBT_PIECES][GBT_ORDERS][GBT_FLAT];
-    gbt_real curvature[GBT_PIECES][GBT_PIECE][GBT_PIECE];
+    /* the trajectory: the numbers of each piece */
+    gbt_piece piece[GBT_ROWS_OF_PIECES];
+    gbt_piece trial[GBT_ROWS_OF_PIECES];
+    gbt_piece step[GBT_ROWS_OF_PIECES];
+    /* derivatives with respect to them */
+    gbt_piece gradient[GBT_ROWS_OF_PIECES];
+    gbt_piece pull[GBT_ROWS_OF_PIECES];
+    gbt_real curvature[GBT_ROWS_OF_PIECES][GBT_PIECE][GBT_PIECE];
     gbt_real jacobian[GBT_JACOBIANS];
+#if GBT_SHOOTING
+    gbt_real slopes[GBT_PIECES][GBT_STATE][GBT_PIECE]; /* of the state at the end of each piece */
+    gbt_real bend[GBT_PIECES][GBT_ENTRIES]; /* its Hessians times the multipliers of the dynamics */
+#endif
     /* the Riccati recursion */
     gbt_real factor[GBT_PIECES][GBT_FREE][GBT_FREE];
     gbt_real gain[GBT_PIECES][GBT_FREE][GBT_STATE];
@@ -98,7 +113,8 @@ size_t gbt_workspace_bytes(void);
 
 /* Solves one instance, in coordinates relative to an origin (gbt_places.h).
 
-   start        continuous derivatives of the flat output, itself first, GBT_JOINED x GBT_FLAT
+   start        the state where the plan begins, GBT_STATE: of a flat vehicle the continuous derivatives of the flat
+                output, itself first, GBT_JOINED x GBT_FLAT
    parameters   numbers of the objective, GBT_PIECES x GBT_END_NUMBERS, then of the limits at the boundaries of the
                 pieces, (GBT_PIECES + 1) x GBT_KNOT_NUMBERS
    tightening   of each limit, GBT_LIMITS: moves its bounds inwards, in units of the limit

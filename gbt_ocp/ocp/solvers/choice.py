@@ -8,13 +8,13 @@ from typing import Any
 
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError
 from gbt_ocp.ocp.codegen.library import CompilerError
-from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.problem_data import PosedProblem
 from gbt_ocp.ocp.solvers.base import SOLVERS, Solver, options_beside, options_for
 from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
 
 
-def make_solver(problem: ProblemData, name: str, options: Mapping[str, Any]) -> Solver:
+def make_solver(problem: PosedProblem, name: str, options: Mapping[str, Any]) -> Solver:
     """Build the solver of that name; ``auto`` takes ``compiled`` where that can be had and ``ipopt`` elsewhere.
 
     Options are those of :func:`options_for`; under ``auto`` options for whichever solver are the compiled one's.

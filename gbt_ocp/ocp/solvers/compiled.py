@@ -14,7 +14,7 @@ from gbt_ocp.ocp.check import FINE_POINTS
 from gbt_ocp.ocp.codegen.library import kernel_files, load_library
 from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.problem_source import from_moments, generate_problem
-from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.problem_data import PosedProblem, ShootingData
 from gbt_ocp.ocp.solvers.base import GIVEN_UP, NO_PLAN, PlannerStep, Solution
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import limit_size
@@ -98,10 +98,11 @@ class CompiledSolver:
 
     name = "compiled"
 
-    def __init__(self, problem: ProblemData, options: Mapping[str, Any]) -> None:
+    def __init__(self, problem: PosedProblem, options: Mapping[str, Any]) -> None:
         self._made_from = (problem, dict(options))
-        self._settings = _Settings(**asdict(CompiledOptions.checked(options, problem.pieces)))
-        kernel = load_library(kernel_files() | generate_problem(problem).files)
+        shooting = isinstance(problem, ShootingData)
+        self._settings = _Settings(**asdict(CompiledOptions.checked(options, problem.pieces, shooting=shooting)))
+        kernel = load_library(kernel_files(shooting=shooting) | generate_problem(problem).files)
         kernel.gbt_workspace_bytes.restype = ctypes.c_size_t
         self._workspace = np.zeros(kernel.gbt_workspace_bytes() // 8 + 1)
         numbers = ctypes.c_void_p
@@ -193,6 +194,11 @@ class CompiledSolver:
         self._from_moments = from_moments(problem)
         self._plan = kernel.gbt_plan if self._from_moments else kernel.gbt_plan_parameters
         self._plan.argtypes = [pointer] * (6 if self._from_moments else 4)
+        if isinstance(problem, ShootingData):
+            kernel.gbt_plan_prepare.argtypes = [pointer]
+            self._prepare = kernel.gbt_plan_prepare
+            self._feedback = kernel.gbt_plan_feedback if self._from_moments else kernel.gbt_plan_feedback_parameters
+            self._feedback.argtypes = self._plan.argtypes
 
     def plan(
         self,
@@ -203,16 +209,38 @@ class CompiledSolver:
         data: Mapping[str, Any],
     ) -> PlannerStep:
         """The step that the generated C takes; see :class:`gbt_ocp.ocp.solvers.base.PlansSteps`."""
-        memory, result = self._state_of_planner, self._result_of_step()
+        memory = self._state_of_planner
         memory.warm = previous is not None
         if previous is not None:
             memory.previous[:] = np.asarray(previous, dtype=float).ravel().tolist()
+        return self._step(self._plan, start, objectives, limits, data)
+
+    def prepare(self) -> bool:
+        """The first part of a step of a trajectory by integration, from the last one; whether that could be done."""
+        return bool(self._prepare(self._memory.ctypes.data) == 0)
+
+    def feedback(
+        self, start: Array, objectives: Sequence[Array], limits: Sequence[Array], data: Mapping[str, Any]
+    ) -> PlannerStep:
+        """The second part, for the start as it is; a plain step where nothing is prepared."""
+        return self._step(self._feedback, start, objectives, limits, data)
+
+    def _step(
+        self,
+        entry: Any,
+        start: Array,
+        objectives: Sequence[Array],
+        limits: Sequence[Array],
+        data: Mapping[str, Any],
+    ) -> PlannerStep:
+        """A call of one of the planner's entries."""
+        result = self._result_of_step()
         if self._from_moments:
             arrays = list(moments_of_step(self._problem, data).values())
         else:
             arrays = [np.concatenate([_stacked(objectives), _stacked(limits)])]
         arrays = [np.ascontiguousarray(values, dtype=float) for values in (start, *arrays)]
-        self._plan(self._memory.ctypes.data, *(values.ctypes.data for values in arrays), ctypes.byref(result))
+        entry(self._memory.ctypes.data, *(values.ctypes.data for values in arrays), ctypes.byref(result))
         return PlannerStep(
             top=np.array(result.top).reshape(self._problem.pieces, self._problem.freedoms),
             status=STATUSES[result.status],
@@ -237,7 +265,7 @@ class CompiledSolver:
         return violation
 
 
-def moments_of_step(problem: ProblemData, data: Mapping[str, Any]) -> dict[str, Array]:
+def moments_of_step(problem: PosedProblem, data: Mapping[str, Any]) -> dict[str, Array]:
     """``mean``, ``covariance`` and ``desired`` as the generated step takes them, from the data of a solve.
 
     Where limits depend on the target, the present moments come before those at the endpoints. What no objective asks

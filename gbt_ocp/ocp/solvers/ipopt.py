@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.binding import Binding
-from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.problem_data import PosedProblem, ProblemData, ShootingData
+from gbt_ocp.ocp.shooting_transcription import transcribe_shooting
 from gbt_ocp.ocp.solvers.base import Solution
-from gbt_ocp.ocp.transcription import continuation, transcribe
+from gbt_ocp.ocp.transcription import Transcription, continuation, transcribe
 from gbt_ocp.typing import Array
 
 DEFAULT_OPTIONS: dict[str, Any] = {
@@ -109,28 +110,32 @@ class IpoptSolver:
 
     name = "ipopt"
 
-    def __init__(self, problem: ProblemData, options: Mapping[str, Any]) -> None:
+    def __init__(self, problem: PosedProblem, options: Mapping[str, Any]) -> None:
         own = dict(options)
         form = own.pop("penalty", PENALTY_FORMS[0])
         if form not in PENALTY_FORMS:
             raise ValueError(f"solver_options.penalty: found {form!r}; allowed: {', '.join(PENALTY_FORMS)}")
         self._problem = problem
-        self._program = program = transcribe(problem)
+        self._program = program = _program_of(problem)
         self._binding = Binding(problem)
         self.prints_penalty = form == "printed" and bool(problem.penalties)
         self._elastic = form == "elastic" and bool(problem.penalties)
         self._slacks = program.excess.numel() if self._elastic else 0
         if self._elastic:
-            inputs = [program.variables, program.parameters]
-            self._excess = ca.Function("excess", inputs, [program.excess, program.width])
+            self._excess = ca.Function("excess", self._arguments(), [program.excess, program.width])
         nlp = program.elastic_nlp if self._elastic else program.nlp
         self._solver = ipopt_function(nlp, own)
         self._giving = program.giving
-        self._values = ca.Function("limits", [program.variables, program.parameters], [program.limits])
-        free = np.full(program.variables.numel(), np.inf)
+        self._values = ca.Function("limits", self._arguments(), [program.limits])
+        free = np.full(program.variables.numel() + program.inner.numel(), np.inf)
+        self._defects = np.zeros(program.defects.numel())
         none = np.full(self._slacks, np.inf)
         self._least = np.concatenate([-free, np.zeros(self._slacks), -none, np.zeros(len(self._giving))])
         self._unbounded = none
+
+    def _arguments(self) -> list[ca.MX]:
+        """What the limits are functions of."""
+        return [ca.vertcat(self._program.variables, self._program.inner), self._program.parameters]
 
     def _solve_once(
         self,
@@ -146,15 +151,20 @@ class IpoptSolver:
         if np.any(program.lower + inside > program.upper - inside):
             return Solution(guess, False, "limits tightened away", 0)
         parameters = self._binding.vector(start, objectives, stage, tightening, limits)
-        first = guess.ravel()
+        first = begin = guess.ravel()
+        if program.led_to is not None:
+            # the states start where the guess leads, or where that is no number as they are
+            states = np.asarray(program.led_to(start, begin)).ravel()
+            kept = np.tile(start.ravel(), len(guess))
+            first = begin = np.concatenate([begin, np.where(np.isfinite(states), states, kept)])
         if self._elastic:
-            excess, width = (np.asarray(part).ravel() for part in self._excess(first, parameters))
+            excess, width = (np.asarray(part).ravel() for part in self._excess(begin, parameters))
             square = np.clip(excess + width, 0.0, 2.0 * width)
             first = np.concatenate([first, np.maximum(excess + width - square, 0.0), square])
         lower, upper = program.lower + inside, program.upper - inside
         least, most = lower.copy(), np.full(len(self._giving), np.inf)
         if self._giving:
-            values = np.asarray(self._values(guess.ravel(), parameters)).ravel()
+            values = np.asarray(self._values(begin, parameters)).ravel()
             slack = np.maximum(np.maximum(values - upper, lower - values) / program.scale, 0.0)
             first = np.concatenate([first, slack[self._giving]])
             least[self._giving] = -np.inf
@@ -162,8 +172,8 @@ class IpoptSolver:
             x0=first,
             p=parameters,
             lbx=self._least,
-            lbg=np.concatenate([least, np.zeros(self._slacks), lower[self._giving]]),
-            ubg=np.concatenate([upper, self._unbounded, most]),
+            lbg=np.concatenate([least, self._defects, np.zeros(self._slacks), lower[self._giving]]),
+            ubg=np.concatenate([upper, self._defects, self._unbounded, most]),
         )
         return solution_of(self._solver, found, guess.shape)
 
@@ -212,3 +222,10 @@ class IpoptSolver:
             if np.all(np.isfinite(solution.variables)):
                 guess = solution.variables
         return replace(solution, iterations=iterations)
+
+
+def _program_of(problem: PosedProblem) -> Transcription:
+    if isinstance(problem, ShootingData):
+        return transcribe_shooting(problem)
+    assert isinstance(problem, ProblemData), "there are no others"
+    return transcribe(problem)

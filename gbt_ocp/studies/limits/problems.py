@@ -235,7 +235,7 @@ def draw(configuration: Configuration, count: int) -> Problems:
     rng = np.random.default_rng([configuration.seed, crc32(configuration.name.encode())])
     vehicle = build.build_vehicle(configuration)
     desired = build_desired_bearing(configuration, vehicle)
-    problem = build.build_problem(configuration, vehicle)
+    problem = build.build_flat_problem(configuration, vehicle)
     d, n, p, period = configuration.dimension, vehicle.flat_dimension, problem.pieces, problem.period
     away = configuration.vehicle.start.range_m
     spread = 0.2 if away is None else away / 40.0

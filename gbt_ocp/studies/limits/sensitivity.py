@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
+from gbt_ocp.experiments.build.loop import build_flat_problem, build_vehicle
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.stiffness import kink_widths, stiffness
@@ -84,7 +84,7 @@ def solve_varied(
     rows, planner, units = [], None, None
     for value, changes in setting.points:
         changed = treated(configuration, setting.pair.formulation, **dict(changes))
-        problem = build_problem(changed, build_vehicle(changed))
+        problem = build_flat_problem(changed, build_vehicle(changed))
         kink: Row = {"kink_mm": None, "stiffness": None}
         if problem.penalties:
             limit = problem.penalties[0]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
+from gbt_ocp.experiments.build.loop import build_flat_problem, build_vehicle
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError
@@ -107,7 +107,7 @@ def make_planner(configuration: Configuration, pair: Pair, **changes: Any) -> An
     options = options_beside(section.solver, pair.solver, section.solver_options)
     options.pop("penalty", None)  # a formulation says this itself
     try:
-        problem = build_problem(treatment, build_vehicle(treatment))
+        problem = build_flat_problem(treatment, build_vehicle(treatment))
         return FORMULATIONS[pair.formulation].solvers[pair.solver](problem, options)
     except (CompilerError, NotGenerableError, ValueError) as fault:
         raise ConfigurationError([f"{configuration.name}: {pair.name}: {fault}"]) from fault

@@ -39,6 +39,8 @@ class GaussianProcessTracker(WindowedTracker[Posterior]):
     prior
         What is known of the position when the first bearing is taken; by default nothing, with the vehicle at the
         origin. It counts as a measurement for as long as that bearing is in the window.
+    breaks
+        Whether the window is cut where the motion breaks; see :mod:`~gbt_ocp.tracking.gp.breaks`.
 
     Raises
     ------
@@ -57,10 +59,11 @@ class GaussianProcessTracker(WindowedTracker[Posterior]):
         amplitude: float | None = None,
         nugget: float | None = None,
         prior: PositionPrior | None = None,
+        breaks: bool = False,
     ) -> None:
         self._kernel = kernel_named(kernel)
         self._fixed = length_scale, amplitude, checked_nugget(nugget)
-        super().__init__(dimension, window=window, centre=centre, prior=prior)
+        super().__init__(dimension, window=window, centre=centre, prior=prior, breaks=breaks)
 
     def _forget_tuning(self) -> None:
         self._tuning = IsotropicTuning(self._kernel, *self._fixed)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from gbt_ocp.models.measurements import MeasurementKind
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
+from gbt_ocp.tracking.gp.breaks import Break, BreakWatch
 from gbt_ocp.tracking.gp.posterior import AnyPosterior
 from gbt_ocp.tracking.polar import BEARINGS
 from gbt_ocp.tracking.priors import PositionPrior
@@ -35,6 +36,9 @@ class WindowedTracker(RestartingTracker, Generic[AnyPosterior]):
     prior
         What is known of the position when the first bearing is taken; by default nothing, with the vehicle at the
         origin. It counts as a measurement for as long as that bearing is in the window.
+    breaks
+        Whether the window is cut where the motion breaks (see :mod:`~gbt_ocp.tracking.gp.breaks`). The position at the
+        break then takes the place of the prior's.
 
     Attributes
     ----------
@@ -57,8 +61,10 @@ class WindowedTracker(RestartingTracker, Generic[AnyPosterior]):
         window: int = 20,
         centre: Literal["origin", "vehicle"] = "vehicle",
         prior: PositionPrior | None = None,
+        breaks: bool = False,
     ) -> None:
         self.dimension = dimension
+        self._breaks = breaks
         self._capacity = window
         self._centre_on_vehicle = centre == "vehicle"
         self.nugget_retries = 0
@@ -67,6 +73,7 @@ class WindowedTracker(RestartingTracker, Generic[AnyPosterior]):
 
     def _begin(self, prior: PositionPrior) -> None:
         self.window = Window(self._capacity)
+        self._watch = BreakWatch()
         self._prior = prior
         self._prior_rows = _rows_of(prior)
         self._centre = np.zeros(self.dimension)
@@ -123,7 +130,16 @@ class WindowedTracker(RestartingTracker, Generic[AnyPosterior]):
         b, own = self.window.checked(time, bearing, own_position)
         if self._gaps.ended(float(time)):
             self._restart(own)
+        elif self._breaks and self._posterior is not None:
+            suspected = self._watch.suspects
+            found = self._watch.judge(self._posterior, float(time), b, own)
+            if found is not None:
+                self._cut(found)
+            elif suspected:
+                self.window.leave_out_latest()  # a stray
         self.window.append(time, b, own)
+        if self._watch.suspects:
+            return  # until the next bearing says whether this one is a stray, the old motion is the better guess
         if self._prior_time is None:
             self._prior_time = float(time)
         if self._prior.mean is not None and self._prior_in_window():
@@ -135,6 +151,16 @@ class WindowedTracker(RestartingTracker, Generic[AnyPosterior]):
         measurements = self._measurements()
         self._tune(measurements)
         self._condition(measurements)
+
+    def _cut(self, found: Break) -> None:
+        """Keep the latest bearing, the first after a break, and where the target was then."""
+        latest, own = self.window.latest, self.window.latest[2]
+        self.window = Window(self._capacity)
+        self.window.append(*latest)
+        self._prior = PositionPrior(own, found.mean, found.std**2 * np.eye(self.dimension))
+        self._prior_rows = _rows_of(self._prior)
+        self._prior_time = latest[0]
+        self._forget_tuning()
 
     def _condition(self, measurements: Measurements) -> AnyPosterior:
         self._posterior, retries = self._conditioned(measurements)

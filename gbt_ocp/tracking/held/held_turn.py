@@ -47,10 +47,10 @@ AHEAD_STEP = 2.0
 AHEAD_MOST = 40
 """Components that are carried ahead."""
 
-MOST_SURPRISE = 6.0
+LOST_TURN = 6.0
 """Mean squared standardised innovation of the recent bins above which a track counts as lost."""
 
-SURPRISE_BINS = 12
+LOST_TURN_BINS = 12
 """Bins over which that mean is taken."""
 
 
@@ -119,7 +119,7 @@ class HeldTurnTracker(RestartingTracker):
         self._found: Components | None = None
         self._ahead: NodeMoments | None = None
         self._asked = 0.0
-        self._squares: deque[float] = deque(maxlen=SURPRISE_BINS)
+        self._squares: deque[float] = deque(maxlen=LOST_TURN_BINS)
 
     def _restart(self, own: Array) -> None:
         self._begin(self._position.elsewhere(own))
@@ -181,7 +181,7 @@ class HeldTurnTracker(RestartingTracker):
         most = len(found) if open_ else self._most * (1 if self._observable(found) else OPEN_MOST)
         self._found = found.likeliest(most)
         self._now, self._own, self._ahead = time, own, None
-        if len(self._squares) == SURPRISE_BINS and np.mean(self._squares) > MOST_SURPRISE:
+        if len(self._squares) == LOST_TURN_BINS and np.mean(self._squares) > LOST_TURN:
             self.restarts += 1
             self._squares.clear()
             self._position = self._position.elsewhere(own)

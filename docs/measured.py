@@ -1,0 +1,130 @@
+"""Measured numbers as data: ``docs/data/NAME.json``, and the pages that are rendered from them.
+
+A page writes ``{{ data.NAME.KEY }}`` for a table or a value, ``{{ data.NAME.KEY[ROW, COLUMN] }}`` for a cell of a table
+by the first cell of its row (or the first ones, with a slash between) and the head of its column, and ``{{ ages }}``
+for the list of all files with their age.
+MkDocs calls the functions ``on_…``; ``scripts/write_data.py`` writes the files.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).resolve().parent
+DATA = DOCS / "data"
+ABOUT = ("command", "commit", "date", "machine", "seeds", "versions")
+"""What every file says of itself besides its tables and values."""
+
+PLACEHOLDER = re.compile(r"\{\{\s*data\.(\w+)\.(\w+)(?:\[([^\],]+),\s*([^\]]+)\])?\s*\}\}")
+AGES = "{{ ages }}"
+UNKNOWN = "before 0.2.0"
+"""The commit of numbers that were measured before commits were written beside them."""
+
+
+class MissingError(KeyError):
+    """A page quotes a number that there is not."""
+
+
+@cache
+def read(name: str) -> dict[str, Any]:
+    """The file ``NAME.json``.
+
+    Raises
+    ------
+    MissingError
+        If there is none.
+    """
+    path = DATA / f"{name}.json"
+    if not path.is_file():
+        raise MissingError(f"data.{name}: found no docs/data/{name}.json; allowed: {', '.join(names())}")
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def names() -> list[str]:
+    """All files, sorted."""
+    return sorted(path.stem for path in DATA.glob("*.json"))
+
+
+def rendered(text: str) -> str:
+    """A page with its numbers in place of the placeholders.
+
+    Raises
+    ------
+    MissingError
+        If a file, a key, a row or a column is not there.
+    """
+    text = PLACEHOLDER.sub(lambda found: _value(*found.groups()), text)
+    return text.replace(AGES, ages()) if AGES in text else text
+
+
+def _value(name: str, key: str, row: str | None, column: str | None) -> str:
+    found = read(name)
+    values = found["tables"] | found.get("values", {}) | {about: found[about] for about in ABOUT}
+    if key not in values:
+        raise MissingError(f"data.{name}.{key}: found no such key; allowed: {', '.join(values)}")
+    value = values[key]
+    if key not in found["tables"]:
+        return "; ".join(f"`{line}`" for line in value) if key == "command" else str(value)
+    if row is None or column is None:
+        return markdown(value)
+    return _cell(f"data.{name}.{key}", value, row.strip(), column.strip())
+
+
+def _cell(where: str, table: dict[str, Any], row: str, column: str) -> str:
+    heads = [head.strip("* ") for head in table["columns"]]
+    first = [part.strip() for part in row.split(" / ")]
+    rows = [line for line in table["rows"] if [cell.strip("* ") for cell in line[: len(first)]] == first]
+    if len(rows) != 1 or heads.count(column) != 1:
+        raise MissingError(
+            f"{where}[{row}, {column}]: found {len(rows)} rows and {heads.count(column)} columns; "
+            f"allowed: one of each, of the rows {', '.join(line[0] for line in table['rows'])}, "
+            f"of the columns {', '.join(heads)}"
+        )
+    return str(rows[0][heads.index(column)]).strip("* ")
+
+
+def markdown(table: dict[str, Any]) -> str:
+    """A table in Markdown."""
+    lines = [f"| {' | '.join(table['columns'])} |", f"|{'---|' * len(table['columns'])}"]
+    return "\n".join([*lines, *(f"| {' | '.join(map(str, row))} |" for row in table["rows"])])
+
+
+def age(commit: str) -> str:
+    """Commits since the one with which numbers were made, in words."""
+    if commit == UNKNOWN:
+        return UNKNOWN
+    command = ["git", "-C", str(DOCS), "rev-list", "--count", f"{commit}..HEAD"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return f"{commit[:9]}, which this copy does not have"
+    return f"{int(done.stdout)} commits ({commit[:9]})"
+
+
+def ages() -> str:
+    """The table of all results: what measured them, when, and how many commits ago."""
+    lines = ["| result | age | made | seeds | machine | command |", "|---|---|---|---|---|---|"]
+    for name in names():
+        found = read(name)
+        commands = "<br>".join(f"`{line}`" for line in found["command"])
+        cells = [f"`{name}`", age(found["commit"]), found["date"], found["seeds"], found["machine"], commands]
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    return "\n".join(lines)
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Put the numbers into a page."""
+    return rendered(markdown)
+
+
+def on_serve(server: Any, **_: Any) -> Any:
+    """Build again when a number changes."""
+    read.cache_clear()
+    server.watch(str(DATA))
+    return server

@@ -1,0 +1,184 @@
+"""Tables and functions of one problem's objective and limits, for the generated C."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_array, c_function
+from gbt_ocp.ocp.codegen.places import Placed, placed
+from gbt_ocp.ocp.forms import FlatForm, ShootingForm
+from gbt_ocp.ocp.limit_classes import hard_weights, limit_class
+from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem
+from gbt_ocp.ocp.terms import Constraint, JointObjective
+from gbt_ocp.ocp.transcription import limit_size, stacked_size
+from gbt_ocp.typing import Array
+
+
+@dataclass(frozen=True)
+class LimitInC:
+    """One constraint in C: which sides it has, its functions and the places of their nonzeros."""
+
+    functions: list[ca.Function]
+    definition: str
+    tables: str
+    rows: int
+    sides: int
+    nodes: int
+    jacobian_entries: int
+    curvature_entries: int
+
+
+def nonzeros(matrix: ca.SX) -> tuple[ca.SX, list[int], list[int]]:
+    """Nonzeros of a matrix, one after another, with their rows and columns."""
+    rows, columns = matrix.sparsity().get_triplet()
+    values: Any = ca.SX(ca.Sparsity.dense(len(rows), 1), matrix.nz[:]) if rows else ca.SX.zeros(0, 1)
+    return values, list(rows), list(columns)
+
+
+def placed_objective(problem: PosedProblem, form: FlatForm | ShootingForm, parameters: ca.SX, origin: ca.SX) -> Placed:
+    """The objective at an endpoint."""
+    d, point = problem.vehicle.position_dimension, form.objective_point
+    value, offset = ca.SX(0), 0
+    for term in problem.objectives:
+        if isinstance(term, JointObjective):
+            raise NotGenerableError(
+                f"planner.solver: found compiled, which takes sums over the endpoints of a plan; allowed: ipopt, since "
+                f"the objective {type(term).__name__} couples them"
+            )
+        value += form.objective(term, parameters[offset:])
+        offset += stacked_size(term.shapes)
+    return placed(value, point[:d], parameters, point[d:], origin)
+
+
+def objective_in_c(point: ca.SX, objective: Placed) -> tuple[list[ca.Function], str, int]:
+    """Functions and table of the objective at a point, and the nonzeros of its Hessian."""
+    stacked, value, weight = objective.numbers, objective.value, ca.SX.sym("weight")
+    gradient = ca.gradient(value, point)
+    hessian, rows_, columns_ = nonzeros(ca.tril(ca.hessian(weight * value, point)[0]))
+    functions = [
+        c_function("objective_value", [point, stacked], value),
+        c_function("objective_gradient", [point, stacked], gradient),
+        c_function("objective_hessian", [point, stacked, weight], hessian),
+    ]
+    text = "".join(
+        [
+            c_array("int", "objective_row", rows_),
+            c_array("int", "objective_column", columns_),
+            "const gbt_objective_functions gbt_objective = {objective_value, objective_gradient, objective_hessian,\n"
+            f"    {len(rows_)}, objective_row, objective_column}};\n",
+        ]
+    )
+    return functions, text, len(rows_)
+
+
+def _sides(constraint: Constraint, shift: Array) -> list[tuple[int, float, float, float]]:
+    """(row, sign, bound for the solver, true bound) of every finite bound, in units of the limit and less the shift."""
+    found = []
+    for bounds, sign in ((constraint.upper, 1.0), (constraint.lower, -1.0)):
+        for row in np.flatnonzero(np.isfinite(bounds)).tolist():
+            scale = constraint.scale[row]
+            edge = sign * (bounds[row] / scale - shift[row])
+            found.append((row, sign, float(edge - constraint.backoff[row] / scale), float(edge)))
+    return found
+
+
+def placed_limits(problem: PosedProblem, form: FlatForm | ShootingForm, moving: ca.SX, origin: ca.SX) -> list[Placed]:
+    """The values of each constraint in units of its limits, less a bound where they are sums of coordinates."""
+    d, point = problem.vehicle.position_dimension, form.point
+    found, offset = [], 0
+    for constraint in problem.constraints:
+        own = moving[offset : offset + limit_size(constraint)]
+        offset += limit_size(constraint)
+        value = ca.SX(ca.vertcat(form.constraint(constraint, own))) / ca.DM(constraint.scale)
+        bound = np.where(np.isfinite(constraint.upper), constraint.upper, constraint.lower) / constraint.scale
+        found.append(placed(value, point[:d], own, point[d:], origin, bound))
+    return found
+
+
+@dataclass(frozen=True)
+class LimitForm:
+    """The values of a constraint of a place: a point and the numbers of all constraints."""
+
+    value: ca.SX
+    place: ca.SX
+    shift: Array
+
+
+def in_place(point: ca.SX, forms: Sequence[Placed], number: int) -> LimitForm:
+    """The constraint of that number at a place, of which its point and its own numbers are parts."""
+    counts = [form.numbers.numel() for form in forms]
+    place = ca.SX.sym("place", point.numel() + sum(counts))
+    first = point.numel() + sum(counts[:number])
+    own = ca.vertcat(place[: point.numel()], place[first : first + counts[number]])
+    value = ca.substitute(forms[number].value, ca.vertcat(point, forms[number].numbers), own)
+    return LimitForm(value, place, forms[number].shift)
+
+
+def limit_in_c(
+    problem: PosedProblem, number: int, limit: HardLimit | PenaltyLimit, form: FlatForm | ShootingForm, at: LimitForm
+) -> LimitInC:
+    """One constraint with its functions."""
+    width, constraint, grid = form.width, limit.constraint, form.grid(limit)
+    name, value, place = f"limit{number}", at.value, at.place
+    first, second = ca.SX.sym("first", value.numel()), ca.SX.sym("second", value.numel())
+    jacobian = ca.jacobian(value, place)[:, :width]
+    curvature = ca.hessian(ca.dot(first, value), place)[0][:width, :width]
+    curvature += ca.mtimes([jacobian.T, ca.diag(second), jacobian])
+    slopes, slope_rows, slope_columns = nonzeros(jacobian)
+    curves, curve_rows, curve_columns = nonzeros(ca.tril(curvature))
+    functions = [
+        c_function(f"{name}_value", [place], value),
+        c_function(f"{name}_jacobian", [place], slopes),
+        c_function(f"{name}_curvature", [place, first, second], curves),
+    ]
+    sides = _sides(constraint, at.shift)
+    weights, widths = _penalty(problem, number, limit, [side[0] for side in sides], grid.share)
+    tables: Sequence[tuple[str, str, Any]] = (
+        ("int", "side_row", [side[0] for side in sides]),
+        ("gbt_real", "side_sign", [side[1] for side in sides]),
+        ("gbt_real", "side_bound", [side[2] for side in sides]),
+        ("gbt_real", "side_edge", [side[3] for side in sides]),
+        ("gbt_real", "side_weight", weights),
+        ("gbt_real", "side_width", widths),
+        ("int", "jacobian_row", slope_rows),
+        ("int", "jacobian_column", slope_columns),
+        ("int", "curvature_row", curve_rows),
+        ("int", "curvature_column", curve_columns),
+    )
+    hard, judged = int(isinstance(limit, HardLimit)), int(problem.judged[number])
+    kind = ("GBT_THRUST", "GBT_CERTAIN", "GBT_BELIEVED")[limit_class(problem, constraint)]
+    definition = (
+        f"    {{{value.numel()}, {len(sides)}, {grid.intervals}, {grid.first}, {hard}, {kind},\n"
+        f"     {int(grid.given)}, {judged}, {int(grid.steady)},\n"
+        f"     {name}_side_row, {name}_side_sign, {name}_side_bound,\n"
+        f"     {name}_side_edge, {name}_side_weight, {name}_side_width,\n"
+        f"     {name}_value, {name}_jacobian, {name}_curvature,\n"
+        f"     {len(slope_rows)}, {name}_jacobian_row, {name}_jacobian_column,\n"
+        f"     {len(curve_rows)}, {name}_curvature_row, {name}_curvature_column}}"
+    )
+    return LimitInC(
+        functions,
+        definition,
+        "".join(c_array(kind, f"{name}_{table}", entries) for kind, table, entries in tables),
+        value.numel(),
+        len(sides),
+        grid.intervals + 1 - grid.first,
+        len(slope_rows),
+        len(curve_rows),
+    )
+
+
+def _penalty(
+    problem: PosedProblem, number: int, limit: HardLimit | PenaltyLimit, rows: list[int], share: float
+) -> tuple[list[float], list[float]]:
+    """Weight at an inner node and half width of each side, with the constraint normalised by its scale."""
+    if isinstance(limit, HardLimit):
+        return [hard_weights(problem)[number]] * len(rows), [0.0] * len(rows)
+    scale = limit.constraint.scale[rows]
+    step = share * problem.period / limit.nodes
+    return (limit.weight * step * scale).tolist(), (limit.width / scale).tolist()

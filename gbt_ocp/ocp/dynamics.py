@@ -1,0 +1,108 @@
+"""How a vehicle moves under its inputs, in CasADi: what a trajectory by integration is made of.
+
+A vehicle that has ``rates(state, inputs)`` in CasADi is taken as it is; its state begins with the flat output z, the
+position first. A flat vehicle without is moved in the coordinates (z, ż), by its inverse dynamics solved for z̈.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gbt_ocp.models.contracts import ContractError, named, reason
+from gbt_ocp.models.vehicles import DrivenVehicle, Vehicle, acceleration
+from gbt_ocp.ocp.trajectory import FlatPoint
+from gbt_ocp.typing import Array
+
+
+class Dynamics:
+    """The forward dynamics of a vehicle in CasADi.
+
+    Parameters
+    ----------
+    vehicle
+        With ``rates`` in CasADi, or flat.
+
+    Attributes
+    ----------
+    states
+        Numbers of the state.
+    inputs
+        m, numbers of the inputs.
+
+    Raises
+    ------
+    gbt_ocp.models.contracts.ContractError
+        If the vehicle is neither.
+    """
+
+    def __init__(self, vehicle: DrivenVehicle | Vehicle) -> None:
+        self.vehicle = vehicle
+        self.inputs = len(vehicle.thrust_max)
+        nothing = np.zeros(vehicle.flat_dimension)
+        own, fault = len(vehicle.state(nothing, nothing)), ""
+        try:
+            rates = ca.SX(ca.vertcat(vehicle.rates(ca.SX.sym("state", own), ca.SX.sym("inputs", self.inputs))))
+            self._is_driven = rates.shape == (own, 1)
+            fault = f"found {rates.shape[0]} x {rates.shape[1]} rates for {own} states"
+        except Exception as raised:  # rates of a flat vehicle may be of numpy alone
+            self._is_driven, fault = False, reason(raised)
+        if not self._is_driven and not hasattr(vehicle, "inputs"):
+            raise ContractError(
+                f"{named(vehicle, 'rates')}: {fault}; allowed: the time derivative of the state, a CasADi expression"
+            )
+        self.states = own if self._is_driven else 2 * vehicle.flat_dimension
+
+    def rates(self, state: Any, inputs: Any) -> Any:
+        """Time derivative of the state ``(states,)``, a CasADi expression."""
+        if self._is_driven:
+            return ca.vertcat(self.vehicle.rates(state, inputs))
+        n = self.vehicle.flat_dimension
+        flat: Any = self.vehicle
+        return ca.vertcat(state[n:], acceleration(flat, state[:n], state[n:], inputs))
+
+    def point(self, state: ca.SX, inputs: ca.SX) -> FlatPoint:
+        """z and its first two derivatives ``(n,)`` at symbols of state and inputs, the inputs as if held."""
+        n, rates = self.vehicle.flat_dimension, self.rates(state, inputs)
+        z, dz = state[:n], rates[:n]
+        return FlatPoint(z, dz, ca.jtimes(dz, state, rates))
+
+    def state(self, z: ArrayLike, dz: ArrayLike) -> Array:
+        """The state ``(states,)`` at a flat output and its rate."""
+        if self._is_driven:
+            return np.asarray(self.vehicle.state(z, dz), dtype=float)
+        return np.concatenate([np.asarray(z, dtype=float), np.asarray(dz, dtype=float)])
+
+    @property
+    def depends_on_place(self) -> bool:
+        """Whether the rates depend on the position, as in a current that differs from place to place."""
+        state, inputs = ca.SX.sym("state", self.states), ca.SX.sym("inputs", self.inputs)
+        return bool(ca.depends_on(self.rates(state, inputs), state[: self.vehicle.position_dimension]))
+
+
+def integrated(dynamics: Dynamics, state: Any, inputs: tuple[Any, Any], duration: Any, steps: int) -> Any:
+    """The state after a while by classical Runge-Kutta steps, a CasADi expression.
+
+    Parameters
+    ----------
+    state
+        At the beginning ``(states,)``.
+    inputs
+        At the beginning and at the end ``(m,)`` each, linear in between.
+    duration
+        In seconds, a number or an expression.
+    steps
+        How many.
+    """
+    h, (first, last) = duration / steps, inputs
+    for k in range(steps):
+        before, middle, after = (first + (last - first) * ((k + part) / steps) for part in (0.0, 0.5, 1.0))
+        k1 = dynamics.rates(state, before)
+        k2 = dynamics.rates(state + 0.5 * h * k1, middle)
+        k3 = dynamics.rates(state + 0.5 * h * k2, middle)
+        k4 = dynamics.rates(state + h * k3, after)
+        state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return state

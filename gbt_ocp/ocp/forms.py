@@ -1,0 +1,168 @@
+"""The two forms of a trajectory, as the code generator reads them: what is known at a point of a piece.
+
+A form says which numbers describe a point, and what objectives and constraints are there, in CasADi. The flat form is
+that of :class:`~gbt_ocp.ocp.problem_data.ProblemData`, the other one that of
+:class:`~gbt_ocp.ocp.problem_data.ShootingData`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from gbt_ocp.ocp.dynamics import Dynamics, integrated
+from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ProblemData, ShootingData
+from gbt_ocp.ocp.terms import Constraint, Objective
+from gbt_ocp.ocp.thrust_limits import ThrustLimit
+from gbt_ocp.ocp.trajectory import FlatPoint
+from gbt_ocp.ocp.transcription import (
+    constraint_value,
+    first_free_node,
+    input_scale,
+    limit_size,
+    stacked_size,
+    unstacked,
+)
+
+
+class LimitGrid(NamedTuple):
+    """Where a constraint is imposed in each piece: at k T / intervals, k = first … intervals.
+
+    ``given`` says whether no plan can change it at the start, ``steady`` whether it is never broken more between the
+    nodes than at them, ``share`` what part of the trapezoidal rule's weight the nodes miss, as a factor.
+    """
+
+    intervals: int
+    first: int
+    given: bool
+    steady: bool
+    share: float
+
+
+class FlatForm:
+    """The form of flat trajectories: a point is z, ż, z̈ ``(3n,)``."""
+
+    at_end = False
+
+    def __init__(self, problem: ProblemData) -> None:
+        self._problem = problem
+        self.width = 3 * problem.vehicle.flat_dimension
+        self.point = ca.SX.sym("point", self.width)
+        self.objective_point = self.point
+        self.scale = input_scale(problem)
+
+    def objective(self, term: Objective, stacked: Any) -> Any:
+        """A term at an endpoint, of :attr:`objective_point`."""
+        return term.value(self._split(self.point), unstacked(term.shapes, stacked))
+
+    def constraint(self, constraint: Constraint, stacked: Any) -> Any:
+        """The bounded quantities at :attr:`point`."""
+        return constraint_value(constraint, self._split(self.point), stacked)
+
+    def grid(self, limit: HardLimit | PenaltyLimit) -> LimitGrid:
+        """Where a limit is imposed; a penalty also at the node where nothing can change it."""
+        given = first_free_node(self._problem, limit.constraint)
+        return LimitGrid(limit.nodes, given if isinstance(limit, HardLimit) else 0, bool(given), False, 1.0)
+
+    @property
+    def depends_on_place(self) -> bool:
+        """Whether the dynamics depend on the position, as in a current that differs from place to place."""
+        vehicle = self._problem.vehicle
+        z, dz, ddz = (ca.SX.sym(name, vehicle.flat_dimension) for name in ("z", "dz", "ddz"))
+        return bool(ca.depends_on(ca.vertcat(vehicle.inputs(z, dz, ddz)), z[: vehicle.position_dimension]))
+
+    def _split(self, point: ca.SX) -> FlatPoint:
+        return FlatPoint(*ca.vertsplit(point, self._problem.vehicle.flat_dimension))
+
+
+class ShootingForm:
+    """The form of trajectories by integration: a point is state, inputs of the piece and the share of it that is over.
+
+    Attributes
+    ----------
+    states, held
+        Numbers of the state, and unknowns of a piece.
+    width
+        Both together.
+    at_end
+        Whether the objective reads nothing but the state at the end of a piece.
+    """
+
+    def __init__(self, problem: ShootingData) -> None:
+        self._problem, self.dynamics = problem, Dynamics(problem.vehicle)
+        self.states, self.held = self.dynamics.states, problem.freedoms
+        self.width = self.states + self.held
+        self.point = ca.SX.sym("point", self.width + 1)
+        self.scale = np.tile(problem.vehicle.thrust_max, problem.freedoms // self.dynamics.inputs)
+        self.objective_point = self.point[: self.width]
+        self.at_end = not any(self._reads_inputs(term) for term in problem.objectives)
+
+    def state_after(self, share: Any) -> Any:
+        """The state after a share of the piece ``(states,)``."""
+        problem, state = self._problem, self.point[: self.states]
+        return integrated(self.dynamics, state, self._ends(), share * problem.period, problem.steps)
+
+    def inputs_after(self, share: Any) -> Any:
+        """The inputs after a share of the piece ``(m,)``."""
+        first, last = self._ends()
+        return first + (last - first) * share if self.held > self.dynamics.inputs else first
+
+    def objective(self, term: Objective, stacked: Any) -> Any:
+        """A term at an endpoint, of :attr:`objective_point`."""
+        state = self.point[: self.states] if self.at_end else self.state_after(1.0)
+        return term.value(self.flat_point(state, self.inputs_after(1.0)), unstacked(term.shapes, stacked))
+
+    def constraint(self, constraint: Constraint, stacked: Any) -> Any:
+        """The bounded quantities at :attr:`point`; the thrust is one of its numbers."""
+        share = self.point[self.width]
+        inputs = self.inputs_after(share)
+        if isinstance(constraint, ThrustLimit):
+            return inputs if constraint.units == "newton" else inputs / ca.DM(self._problem.vehicle.thrust_max)
+        return constraint_value(constraint, self.flat_point(self.state_after(share), inputs), stacked)
+
+    def grid(self, limit: HardLimit | PenaltyLimit) -> LimitGrid:
+        """Where a limit is imposed: thrust that is held once a piece, thrust that is linear at both ends."""
+        constraint = limit.constraint
+        if isinstance(constraint, ThrustLimit):
+            if self.held == self.dynamics.inputs:
+                return LimitGrid(1, 1, False, True, 2.0)
+            return LimitGrid(1 if isinstance(limit, HardLimit) else limit.nodes, 0, False, True, 1.0)
+        value = ca.SX(self.constraint(constraint, ca.SX.sym("p", limit_size(constraint))))
+        begin = ca.substitute(value, self.point[self.width], ca.SX(0))
+        given = not ca.depends_on(ca.simplify(begin), self.point[self.states : self.width])
+        return LimitGrid(limit.nodes, int(given) if isinstance(limit, HardLimit) else 0, given, False, 1.0)
+
+    @property
+    def depends_on_place(self) -> bool:
+        """Whether the dynamics depend on the position, as in a current that differs from place to place."""
+        return self.dynamics.depends_on_place
+
+    def _ends(self) -> tuple[Any, Any]:
+        """The inputs at the beginning and at the end of the piece."""
+        inputs, m = self.point[self.states : self.width], self.dynamics.inputs
+        return inputs[:m], inputs[-m:]
+
+    def flat_point(self, state: Any, inputs: Any) -> FlatPoint:
+        """z and its derivatives at a state under these inputs, as if held."""
+        symbols = ca.SX.sym("state", self.states), ca.SX.sym("inputs", self.dynamics.inputs)
+        found = ca.substitute([*self.dynamics.point(*symbols)], [*symbols], [ca.SX(state), ca.SX(inputs)])
+        return FlatPoint(*found)
+
+    def _reads_inputs(self, term: Any) -> bool:
+        """Whether a term depends on the inputs beside the state, through a derivative of z."""
+        state, inputs = ca.SX.sym("state", self.states), ca.SX.sym("inputs", self.dynamics.inputs)
+        if not hasattr(term, "value"):
+            return False
+        numbers = unstacked(term.shapes, ca.SX.sym("p", stacked_size(term.shapes)))
+        value = term.value(self.dynamics.point(state, inputs), numbers)
+        return bool(ca.depends_on(ca.SX(value), inputs))
+
+
+def form_of(problem: PosedProblem) -> FlatForm | ShootingForm:
+    """The form of a problem's trajectories."""
+    if isinstance(problem, ShootingData):
+        return ShootingForm(problem)
+    assert isinstance(problem, ProblemData), "there are no others"
+    return FlatForm(problem)

@@ -1,0 +1,104 @@
+/* The form of a trajectory: what the method of gbt_interior.c and the planner around it need of it.
+
+   A trajectory consists of pieces of one length. Each is described by GBT_PIECE numbers: GBT_STATE that it inherits from
+   the piece before it, and GBT_FREE that are free. There are two forms. In the flat one (gbt_pieces.c) the numbers are
+   derivatives of the flat output, so a piece depends linearly on the one before. In the other (gbt_shoot.c) they are the
+   state of the vehicle and the inputs over the piece, and the next state follows by integration. */
+#ifndef GBT_FORM_H
+#define GBT_FORM_H
+
+#include "gbt_solver.h"
+
+GBT_BEGIN_C
+
+/* Number a of what a piece inherits, and of what is free in it. */
+#if GBT_SHOOTING
+static inline gbt_real *gbt_inherited(gbt_piece piece, int a) { return &piece[a]; }
+static inline gbt_real *gbt_free(gbt_piece piece, int a) { return &piece[GBT_STATE + a]; }
+#else
+static inline gbt_real *gbt_inherited(gbt_piece piece, int a) { return &piece[a / GBT_FLAT][a % GBT_FLAT]; }
+static inline gbt_real *gbt_free(gbt_piece piece, int a)
+{
+    return &piece[GBT_JOINED + a / GBT_FLAT][a % GBT_FLAT];
+}
+#endif
+
+/* What a limit looks at after a share of a piece, but for the limit's numbers there. */
+void gbt_place_after(gbt_piece piece, gbt_real share, gbt_real *place);
+
+/* The numbers that constraints need at a share of a piece, from those at its two ends: the last of a place. */
+void gbt_moving_at(const gbt_real *ends, gbt_real share, gbt_real *place);
+
+/* What the piece after it inherits; next may be the piece itself. */
+void gbt_next_piece(gbt_piece piece, gbt_piece next);
+
+/* Fills what all pieces but the first inherit from what is free. */
+void gbt_propagate(gbt_piece piece[], int pieces);
+
+#define GBT_ASIDE ((gbt_real)1e-5) /* of the full thrust, at a cold start */
+
+/* Where a cold solve begins: a plan that does as good as nothing, and a little thrust to one side. From a start that is
+   symmetric, as dead ahead of an obstacle, steps are so too, and may creep along a ridge between two plans. The ratios of
+   the thrusts are irrational, so that no axis of symmetry of rational numbers is along them.
+
+   aside    of the full thrust
+   top      out: GBT_PIECES x GBT_FREE, what is free in all pieces */
+void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top);
+
+/* What is free in a piece that is added to a plan, from what was in its last one, GBT_FREE each. */
+void gbt_lengthen(const gbt_real *last, gbt_real *added);
+
+/* The last resort: a plan from start that slows the vehicle down, GBT_PIECES x GBT_FREE. */
+void gbt_brake(const gbt_real *start, gbt_real *top);
+
+/* Of a plan: what the objective gains at the end of a piece; the inputs after a share of it; flat output and rate at its
+   end. */
+gbt_real gbt_term(gbt_piece piece, const gbt_real *numbers);
+void gbt_inputs_after(gbt_piece piece, gbt_real share, gbt_real *inputs);
+void gbt_end_of(gbt_piece piece, gbt_real *z, gbt_real *dz);
+
+/* Gradient with respect to what is free in all pieces, from the one with respect to the numbers of each piece (which is
+   spent): the adjoint of gbt_propagate at work->piece. */
+void gbt_adjoint(const gbt_workspace *work, gbt_piece gradient[], gbt_real out[][GBT_FREE]);
+
+/* Objective and sides of the limits; returns f, minus the objective. */
+gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y);
+
+/* The trajectory work->trial after a part alpha of work->step. */
+void gbt_try(gbt_workspace *work, gbt_real alpha);
+
+/* At work->piece: gradient of f, and the Jacobians of the limits at all nodes. */
+void gbt_differentiate(gbt_workspace *work);
+
+/* out += the Jacobians transposed times one number for each side. */
+void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_piece out[]);
+
+/* work->dy: the change of every side along work->step. */
+void gbt_push_forward(gbt_workspace *work);
+
+/* work->curvature: Hessian of f + lambda y, plus the Jacobians' squares weighted with work->sigma. work->pull is what
+   gbt_adjoint left of the gradient with these multipliers. */
+void gbt_assemble(gbt_workspace *work);
+
+/* Factorises work->curvature, regularised by delta. The pivots of the recursion are those of a block Cholesky
+   factorisation of the Hessian with respect to all unknowns, last piece first: returns 1 if that is positive definite, 0
+   if not. */
+int gbt_factorise(gbt_workspace *work, gbt_real delta);
+
+/* work->step from the gradient with respect to the numbers of each piece, which is spent. */
+void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[]);
+
+#if GBT_SHOOTING
+/* gbt_newton_step for a start that is elsewhere by so much, GBT_STATE. */
+void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *change);
+
+/* The inputs of piece i after a part of the step, where its state has become another one. */
+void gbt_follow_gains(gbt_workspace *work, int i, gbt_real part, const gbt_real *state, gbt_real *inputs);
+
+/* work->gradient again, for other numbers of the objective. */
+void gbt_objective_slopes(gbt_workspace *work);
+#endif
+
+GBT_END_C
+
+#endif

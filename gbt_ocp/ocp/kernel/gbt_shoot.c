@@ -1,0 +1,230 @@
+/* The form of a trajectory that follows from the inputs by integration: pieces of a vehicle's state and of the inputs
+   over them. Every trajectory obeys the dynamics; what is free are the inputs alone. Rolled out from its beginning it may
+   leave a vehicle that is unstable far from where a linear step leads, so a trial follows that step with the gains of the
+   Riccati recursion (gbt_try), as in differential dynamic programming. */
+#include "gbt_form.h"
+
+#include "gbt_math.h"
+
+#define INPUTS(piece) ((piece) + GBT_STATE)
+
+void gbt_place_after(gbt_piece piece, gbt_real share, gbt_real *place)
+{
+    for (int a = 0; a < GBT_PIECE; a++) place[a] = piece[a];
+    place[GBT_PIECE] = share;
+}
+
+void gbt_moving_at(const gbt_real *ends, gbt_real share, gbt_real *place)
+{
+    for (int m = 0; m < GBT_KNOT_NUMBERS; m++)
+        place[GBT_POINT + m] = (1 - share) * ends[m] + share * ends[GBT_KNOT_NUMBERS + m];
+}
+
+void gbt_next_piece(gbt_piece piece, gbt_piece next)
+{
+    gbt_real state[GBT_STATE];
+    gbt_stage(piece, 0, 0, state);
+    for (int a = 0; a < GBT_STATE; a++) next[a] = state[a];
+}
+
+/* Fills the state at the end, too, whose inputs are zero: there are none. */
+void gbt_propagate(gbt_piece piece[], int pieces)
+{
+    for (int i = 0; i < pieces; i++) gbt_stage(piece[i], 0, 0, piece[i + 1]);
+    for (int a = 0; a < GBT_FREE; a++) INPUTS(piece[pieces])[a] = 0;
+}
+
+void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top)
+{
+    (void)start;
+    for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) {
+        const int j = k % GBT_INPUTS;
+        top[k] = aside / gbt_sqrt((gbt_real)(j + 1)) * gbt_thrust_max[j];
+    }
+}
+
+/* The inputs stay as they are at the end. */
+void gbt_lengthen(const gbt_real *last, gbt_real *added)
+{
+    for (int a = 0; a < GBT_FREE; a++) added[a] = last[GBT_FREE - GBT_INPUTS + a % GBT_INPUTS];
+}
+
+void gbt_brake(const gbt_real *start, gbt_real *top)
+{
+    (void)start;
+    for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) top[k] = 0;
+}
+
+/* What the objective of a piece looks at: the state at its end, or its beginning and inputs. */
+static gbt_real *seen_by_objective(gbt_piece piece[], int i) { return piece[i + GBT_COST_AT_END]; }
+
+gbt_real gbt_term(gbt_piece piece, const gbt_real *numbers)
+{
+    gbt_piece seen;
+    gbt_real value;
+    for (int a = 0; a < GBT_PIECE; a++) seen[a] = piece[a];
+    if (GBT_COST_AT_END) gbt_next_piece(piece, seen);
+    gbt_objective.value(seen, numbers, 0, &value);
+    return value;
+}
+
+void gbt_inputs_after(gbt_piece piece, gbt_real share, gbt_real *inputs) { gbt_stage_inputs(piece, &share, 0, inputs); }
+
+void gbt_end_of(gbt_piece piece, gbt_real *z, gbt_real *dz)
+{
+    gbt_piece next;
+    gbt_real point[2 * GBT_FLAT];
+    for (int a = 0; a < GBT_PIECE; a++) next[a] = piece[a];
+    gbt_next_piece(piece, next);
+    gbt_stage_point(next, 0, 0, point);
+    for (int j = 0; j < GBT_FLAT; j++) {
+        z[j] = point[j];
+        dz[j] = point[GBT_FLAT + j];
+    }
+}
+
+void gbt_adjoint(const gbt_workspace *work, gbt_piece gradient[], gbt_real out[][GBT_FREE])
+{
+    for (int i = work->pieces - 1; i >= 0; i--) {
+        gbt_real sum[GBT_PIECE];
+        for (int a = 0; a < GBT_PIECE; a++) sum[a] = gradient[i][a];
+        for (int r = 0; r < GBT_STATE; r++)
+            for (int a = 0; a < GBT_PIECE; a++) sum[a] += gradient[i + 1][r] * work->slopes[i][r][a];
+        for (int a = 0; a < GBT_STATE; a++) gradient[i][a] = sum[a];
+        for (int a = 0; a < GBT_FREE; a++) out[i][a] = sum[GBT_STATE + a];
+    }
+}
+
+gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
+{
+    gbt_real place[GBT_PLACE], value[GBT_ROWS], f = 0;
+    for (int i = 0; i < work->pieces; i++) {
+        gbt_objective.value(seen_by_objective(piece, i), work->parameters + i * GBT_END_NUMBERS, 0, value);
+        f -= value[0];
+    }
+    for (int q = 0; q < GBT_LIMITS; q++) {
+        const gbt_limit *limit = &gbt_limits[q];
+        for (int k = limit->first; k <= limit->intervals; k++) {
+            const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
+            for (int i = 0; i < work->pieces; i++) {
+                gbt_place_after(piece[i], share, place);
+                gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, share, place);
+                limit->value(place, 0, 0, value);
+                for (int r = 0; r < limit->sides; r++)
+                    *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening[q];
+            }
+        }
+    }
+    return f;
+}
+
+void gbt_objective_slopes(gbt_workspace *work)
+{
+    gbt_real slope[GBT_PIECE];
+    for (int i = 0; i <= work->pieces; i++)
+        for (int a = 0; a < GBT_PIECE; a++) work->gradient[i][a] = 0;
+    for (int i = 0; i < work->pieces; i++) {
+        gbt_objective.gradient(seen_by_objective(work->piece, i), work->parameters + i * GBT_END_NUMBERS, 0, slope);
+        gbt_real *gradient = seen_by_objective(work->gradient, i);
+        for (int a = 0; a < GBT_PIECE; a++) gradient[a] = -slope[a];
+    }
+}
+
+void gbt_differentiate(gbt_workspace *work)
+{
+    gbt_real place[GBT_PLACE];
+    gbt_real *jacobian = work->jacobian;
+    gbt_objective_slopes(work);
+    for (int i = 0; i < work->pieces; i++) gbt_stage_slopes(work->piece[i], 0, 0, &work->slopes[i][0][0]);
+    for (int q = 0; q < GBT_LIMITS; q++) {
+        const gbt_limit *limit = &gbt_limits[q];
+        for (int k = limit->first; k <= limit->intervals; k++) {
+            const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
+            for (int i = 0; i < work->pieces; i++) {
+                gbt_place_after(work->piece[i], share, place);
+                gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, share, place);
+                limit->jacobian(place, 0, 0, jacobian);
+                jacobian += limit->jacobian_entries;
+            }
+        }
+    }
+}
+
+void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_piece out[])
+{
+    gbt_real row[GBT_ROWS];
+    const gbt_real *jacobian = work->jacobian;
+    for (int q = 0; q < GBT_LIMITS; q++) {
+        const gbt_limit *limit = &gbt_limits[q];
+        for (int k = limit->first; k <= limit->intervals; k++)
+            for (int i = 0; i < work->pieces; i++) {
+                for (int r = 0; r < limit->rows; r++) row[r] = 0;
+                for (int r = 0; r < limit->sides; r++) row[limit->row[r]] += limit->sign[r] * sides[r];
+                for (int a = 0; a < limit->jacobian_entries; a++)
+                    out[i][limit->jacobian_column[a]] += jacobian[a] * row[limit->jacobian_row[a]];
+                sides += limit->sides;
+                jacobian += limit->jacobian_entries;
+            }
+    }
+}
+
+void gbt_push_forward(gbt_workspace *work)
+{
+    gbt_real row[GBT_ROWS];
+    gbt_real *dy = work->dy;
+    const gbt_real *jacobian = work->jacobian;
+    for (int q = 0; q < GBT_LIMITS; q++) {
+        const gbt_limit *limit = &gbt_limits[q];
+        for (int k = limit->first; k <= limit->intervals; k++)
+            for (int i = 0; i < work->pieces; i++) {
+                for (int r = 0; r < limit->rows; r++) row[r] = 0;
+                for (int a = 0; a < limit->jacobian_entries; a++)
+                    row[limit->jacobian_row[a]] += jacobian[a] * work->step[i][limit->jacobian_column[a]];
+                for (int r = 0; r < limit->sides; r++) *dy++ = limit->sign[r] * row[limit->row[r]];
+                jacobian += limit->jacobian_entries;
+            }
+    }
+}
+
+/* Adds entries of a lower triangle to that of a matrix. */
+static void add(const gbt_real *entry, int entries, const int *rows, const int *columns,
+                gbt_real matrix[GBT_PIECE][GBT_PIECE])
+{
+    for (int a = 0; a < entries; a++) matrix[rows[a]][columns[a]] += entry[a];
+}
+
+/* Only the lower triangles. */
+void gbt_assemble(gbt_workspace *work)
+{
+    gbt_real place[GBT_PLACE], entry[GBT_ENTRIES], first[GBT_ROWS], second[GBT_ROWS];
+    const gbt_real *lambda = work->lambda, *sigma = work->sigma;
+    const gbt_real weight = -1;
+
+    for (int i = 0; i <= work->pieces; i++)
+        for (int a = 0; a < GBT_PIECE; a++)
+            for (int c = 0; c <= a; c++) work->curvature[i][a][c] = 0;
+    for (int i = 0; i < work->pieces; i++) {
+        gbt_objective.hessian(seen_by_objective(work->piece, i), work->parameters + i * GBT_END_NUMBERS, &weight, entry);
+        add(entry, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column,
+            work->curvature[i + GBT_COST_AT_END]);
+        gbt_stage_curvature(work->piece[i], work->pull[i + 1], 0, work->bend[i]);
+    }
+    for (int q = 0; q < GBT_LIMITS; q++) {
+        const gbt_limit *limit = &gbt_limits[q];
+        for (int k = limit->first; k <= limit->intervals; k++) {
+            const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
+            for (int i = 0; i < work->pieces; i++) {
+                for (int r = 0; r < limit->rows; r++) first[r] = second[r] = 0;
+                for (int r = 0; r < limit->sides; r++) {
+                    first[limit->row[r]] += limit->sign[r] * *lambda++;
+                    second[limit->row[r]] += *sigma++;
+                }
+                gbt_place_after(work->piece[i], share, place);
+                gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, share, place);
+                limit->curvature(place, first, second, entry);
+                add(entry, limit->curvature_entries, limit->curvature_row, limit->curvature_column,
+                    work->curvature[i]);
+            }
+        }
+    }
+}

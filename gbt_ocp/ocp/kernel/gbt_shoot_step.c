@@ -1,0 +1,155 @@
+/* Newton's step of a trajectory by integration, by a Riccati recursion over its pieces, and the trial along it.
+
+   With the second derivatives of the dynamics times their multipliers the recursion gives Newton's step of the problem in
+   the inputs alone, exactly, at a cost linear in the pieces. Where that is no descent, the step is that of Gauss and Newton:
+   without these second derivatives, which grow with the horizon where a vehicle is unstable, and regularised where the
+   objective, which reads positions, is curved the wrong way. */
+#include "gbt_form.h"
+
+#include "gbt_math.h"
+
+#define PLACE ((gbt_real)100) /* regularisation of a position in m over that of an input over its limit */
+
+/* Solves L x = b and then L' x = b in place. */
+static void forward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
+{
+    for (int a = 0; a < GBT_FREE; a++) {
+        for (int c = 0; c < a; c++) x[a] -= factor[a][c] * x[c];
+        x[a] /= factor[a][a];
+    }
+}
+
+static void backward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
+{
+    for (int a = GBT_FREE - 1; a >= 0; a--) {
+        for (int c = a + 1; c < GBT_FREE; c++) x[a] -= factor[c][a] * x[c];
+        x[a] /= factor[a][a];
+    }
+}
+
+/* Lower triangle of h += F' P F, of the slopes F of the state at the end and a symmetric P. */
+static void add_rest(gbt_real slopes[GBT_STATE][GBT_PIECE], gbt_real rest[GBT_STATE][GBT_STATE],
+                     gbt_real h[GBT_PIECE][GBT_PIECE])
+{
+    gbt_real product[GBT_STATE][GBT_PIECE];
+    for (int r = 0; r < GBT_STATE; r++) {
+        for (int a = 0; a < GBT_PIECE; a++) product[r][a] = 0;
+        for (int k = 0; k < GBT_STATE; k++)
+            for (int a = 0; a < GBT_PIECE; a++) product[r][a] += rest[r][k] * slopes[k][a];
+    }
+    for (int r = 0; r < GBT_STATE; r++)
+        for (int a = 0; a < GBT_PIECE; a++)
+            for (int c = 0; c <= a; c++) h[a][c] += slopes[r][a] * product[r][c];
+}
+
+int gbt_factorise(gbt_workspace *work, gbt_real delta)
+{
+    gbt_real rest[GBT_STATE][GBT_STATE], h[GBT_PIECE][GBT_PIECE];
+    for (int a = 0; a < GBT_STATE; a++)
+        for (int c = 0; c <= a; c++) rest[a][c] = rest[c][a] = work->curvature[work->pieces][a][c];
+    for (int i = work->pieces - 1; i >= 0; i--) {
+        for (int a = 0; a < GBT_PIECE; a++)
+            for (int c = 0; c <= a; c++) h[a][c] = work->curvature[i][a][c];
+        for (int a = 0; a < gbt_stage_entries && delta <= 0; a++)
+            h[gbt_stage_row[a]][gbt_stage_column[a]] += work->bend[i][a];
+        for (int a = 0; a < GBT_FREE; a++)
+            h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
+        for (int a = 0; a < GBT_DIMENSION && delta > 0; a++) rest[a][a] += PLACE * delta;
+        add_rest(work->slopes[i], rest, h);
+
+        /* Cholesky factor of its part in what is free. */
+        gbt_real(*factor)[GBT_FREE] = work->factor[i];
+        for (int a = 0; a < GBT_FREE; a++) {
+            const gbt_real natural = gbt_fabs(h[GBT_STATE + a][GBT_STATE + a]);
+            for (int c = 0; c <= a; c++) {
+                gbt_real value = h[GBT_STATE + a][GBT_STATE + c];
+                for (int k = 0; k < c; k++) value -= factor[a][k] * factor[c][k];
+                if (c < a)
+                    factor[a][c] = value / factor[c][c];
+                else if (value > 10 * GBT_EPSILON * natural)
+                    factor[a][a] = gbt_sqrt(value);
+                else
+                    return 0; /* also where value is NaN */
+            }
+        }
+
+        /* Eliminate it: the gain, and the model of the rest as a function of the state. */
+        gbt_real(*gain)[GBT_STATE] = work->gain[i];
+        for (int a = 0; a < GBT_FREE; a++) {
+            for (int c = 0; c < GBT_STATE; c++) gain[a][c] = h[GBT_STATE + a][c];
+            for (int k = 0; k < a; k++)
+                for (int c = 0; c < GBT_STATE; c++) gain[a][c] -= factor[a][k] * gain[k][c];
+            for (int c = 0; c < GBT_STATE; c++) gain[a][c] /= factor[a][a];
+        }
+        for (int a = 0; a < GBT_STATE; a++)
+            for (int c = 0; c <= a; c++) {
+                gbt_real value = h[a][c];
+                for (int k = 0; k < GBT_FREE; k++) value -= gain[k][a] * gain[k][c];
+                rest[a][c] = rest[c][a] = value;
+            }
+    }
+    return 1;
+}
+
+/* The change of the inputs of a piece for a part alpha of the step where its state has changed by so much. */
+static void follow(gbt_workspace *work, int i, gbt_real alpha, const gbt_real *state, gbt_real *inputs)
+{
+    for (int a = 0; a < GBT_FREE; a++) {
+        inputs[a] = alpha * work->push[i][a];
+        for (int c = 0; c < GBT_STATE; c++) inputs[a] -= work->gain[i][a][c] * state[c];
+    }
+    backward(work->factor[i], inputs);
+}
+
+void gbt_follow_gains(gbt_workspace *work, int i, gbt_real part, const gbt_real *state, gbt_real *inputs)
+{
+    gbt_real change[GBT_STATE];
+    for (int a = 0; a < GBT_STATE; a++) change[a] = state[a] - work->piece[i][a];
+    follow(work, i, part, change, inputs);
+    for (int a = 0; a < GBT_FREE; a++) inputs[a] += work->piece[i][GBT_STATE + a];
+}
+
+/* The same for a start that is elsewhere by so much. */
+void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *change)
+{
+    for (int i = work->pieces - 1; i >= 0; i--) {
+        gbt_real *push = work->push[i], *own = gradient[i], *next = gradient[i + 1];
+        for (int r = 0; r < GBT_STATE; r++)
+            for (int a = 0; a < GBT_PIECE; a++) own[a] += work->slopes[i][r][a] * next[r];
+        for (int a = 0; a < GBT_FREE; a++) push[a] = -own[GBT_STATE + a];
+        forward(work->factor[i], push);
+        for (int k = 0; k < GBT_FREE; k++)
+            for (int c = 0; c < GBT_STATE; c++) own[c] += work->gain[i][k][c] * push[k];
+    }
+    for (int a = 0; a < GBT_STATE; a++) work->step[0][a] = change[a];
+    for (int i = 0; i < work->pieces; i++) {
+        gbt_real *step = work->step[i], *next = work->step[i + 1];
+        follow(work, i, 1, step, step + GBT_STATE);
+        for (int r = 0; r < GBT_STATE; r++) {
+            next[r] = 0;
+            for (int a = 0; a < GBT_PIECE; a++) next[r] += work->slopes[i][r][a] * step[a];
+        }
+    }
+    for (int a = 0; a < GBT_FREE; a++) work->step[work->pieces][GBT_STATE + a] = 0;
+}
+
+void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[])
+{
+    static const gbt_real nothing[GBT_STATE];
+    gbt_step_from(work, gradient, nothing);
+}
+
+/* The inputs change with the state as the step does, along the trajectory that they really lead to. */
+void gbt_try(gbt_workspace *work, gbt_real alpha)
+{
+    for (int a = 0; a < GBT_STATE; a++) work->trial[0][a] = work->piece[0][a];
+    for (int i = 0; i < work->pieces; i++) {
+        const gbt_real *piece = work->piece[i];
+        gbt_real *trial = work->trial[i], change[GBT_STATE], inputs[GBT_FREE];
+        for (int a = 0; a < GBT_STATE; a++) change[a] = trial[a] - piece[a];
+        follow(work, i, alpha, change, inputs);
+        for (int a = 0; a < GBT_FREE; a++) trial[GBT_STATE + a] = piece[GBT_STATE + a] + inputs[a];
+        gbt_stage(trial, 0, 0, work->trial[i + 1]);
+    }
+    for (int a = 0; a < GBT_FREE; a++) work->trial[work->pieces][GBT_STATE + a] = 0;
+}

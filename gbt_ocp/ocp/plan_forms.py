@@ -1,0 +1,197 @@
+"""What a planner does differently for the two forms of a trajectory: its start, its trajectory, its plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gbt_ocp.ocp.braking import BrakingPlanner
+from gbt_ocp.ocp.check import LimitCheck
+from gbt_ocp.ocp.plan import Plan, ShootingPlan
+from gbt_ocp.ocp.problem_data import PosedProblem, ProblemData, ShootingData
+from gbt_ocp.ocp.shot import Shots, ShotTrajectory
+from gbt_ocp.ocp.shot_check import ShotCheck
+from gbt_ocp.ocp.solvers.base import PlannerStep
+from gbt_ocp.ocp.trajectory import FlatTrajectory, settling
+from gbt_ocp.ocp.transcription import input_scale, objective_total
+from gbt_ocp.typing import Array
+
+ASIDE = 1.0e-5
+"""Thrust to one side where a cold solve begins, as a share of the full thrust."""
+
+Named = Callable[[Array], dict[str, float]]
+"""Amounts of all limits to those that are not zero, by name."""
+
+
+class PlanForm(Protocol):
+    """A form of the trajectory, to the planner.
+
+    Attributes
+    ----------
+    scale
+        Natural sizes of a piece's unknowns ``(freedoms,)``.
+    check
+        The true limits of its trajectories.
+    """
+
+    scale: Array
+    check: Any
+
+    def start(self, state: ArrayLike) -> Array:
+        """What a solver takes as the start; ``ValueError`` in one line if the state does not fit."""
+
+    def trajectory(self, start: Array, top: Array) -> Any:
+        """The trajectory from a start with what is free in its pieces."""
+
+    def objective(self, trajectory: Any, parameters: Sequence[Array]) -> float:
+        """The objective of any trajectory, without penalty."""
+
+    def coasting(self, start: Array) -> Array:
+        """Where a cold solve begins, scaled ``(p, freedoms)``."""
+
+    def rest(self, top: Array) -> Array:
+        """What is left of a plan after its first piece, lengthened by one ``(p, freedoms)``."""
+
+    def braking(self, start: Array) -> Array:
+        """The last resort ``(p, freedoms)``."""
+
+    def plan(self, trajectory: Any, step: PlannerStep, named: Named, **rest: Any) -> Plan | ShootingPlan:
+        """The plan of a step; ``rest`` is its objective and its time."""
+
+
+def _checked(state: ArrayLike, shapes: Sequence[tuple[int, ...]]) -> Array:
+    start = np.asarray(state, dtype=float)
+    if start.shape not in shapes or not np.all(np.isfinite(start)):
+        allowed = " or ".join(str(shape) for shape in shapes)
+        raise ValueError(f"state: found shape {start.shape}; allowed: {allowed}, all numbers finite")
+    return start
+
+
+class FlatPlans:
+    """Plans of flat trajectories."""
+
+    def __init__(self, problem: ProblemData) -> None:
+        self._problem = problem
+        self.scale, self.check = input_scale(problem), LimitCheck(problem)
+        self._brake = BrakingPlanner(problem)
+        self._objectives = [objective_total(problem, term) for term in problem.objectives]
+
+    def start(self, state: ArrayLike) -> Array:
+        """Derivatives of the flat output now, as many as are continuous ``(k+1, n)``."""
+        return _checked(state, [(self._problem.joined, self._problem.vehicle.flat_dimension)])
+
+    def trajectory(self, start: Array, top: Array) -> FlatTrajectory:
+        """The piecewise polynomial."""
+        return FlatTrajectory(self._problem.period, start, top)
+
+    def objective(self, trajectory: FlatTrajectory, parameters: Sequence[Array]) -> float:
+        """The sum over the endpoints."""
+        columns = [values[:, -1].T for values in trajectory.sample(2)]
+        return float(sum(float(f(*columns, p)) for f, p in zip(self._objectives, parameters, strict=True)))
+
+    def coasting(self, start: Array) -> Array:
+        """Constant velocity and a little thrust to one side; :func:`cold_guess`."""
+        return cold_guess(self._problem, start)
+
+    def rest(self, top: Array) -> Array:
+        """The rest of a plan; the last piece coasts."""
+        return np.vstack([top[1:], np.zeros_like(top[:1])])
+
+    def braking(self, start: Array) -> Array:
+        """What is free in a braking trajectory."""
+        return self._brake(start).top
+
+    def plan(self, trajectory: FlatTrajectory, step: PlannerStep, named: Named, **rest: Any) -> Plan:
+        """A plan with the trajectory."""
+        return Plan(trajectory=trajectory, **_told(step, named), **rest)
+
+
+class ShotPlans:
+    """Plans of trajectories by integration."""
+
+    def __init__(self, problem: ShootingData) -> None:
+        self._problem, self._shots = problem, Shots(problem)
+        self.scale, self.check = self._shots.form.scale, ShotCheck(self._shots)
+        self._objectives = [objective_total(problem, term) for term in problem.objectives]
+
+    def start(self, state: ArrayLike) -> Array:
+        """The state of the vehicle, from itself or from z and ż ``(2, n)``."""
+        dynamics = self._shots.form.dynamics
+        found = _checked(state, [(dynamics.states,), (2, self._problem.vehicle.flat_dimension)])
+        return found if found.ndim == 1 else dynamics.state(found[0], found[1])
+
+    def trajectory(self, start: Array, top: Array) -> ShotTrajectory:
+        """Integrated from the start."""
+        return self._shots.trajectory(start, top)
+
+    def objective(self, trajectory: ShotTrajectory, parameters: Sequence[Array]) -> float:
+        """The sum over the ends of the periods."""
+        columns = [values[:, -1].T for values in trajectory.sample(2)]
+        return float(sum(float(f(*columns, p)) for f, p in zip(self._objectives, parameters, strict=True)))
+
+    def coasting(self, start: Array) -> Array:
+        """As good as no thrust, and a little to one side."""
+        m = self._shots.form.dynamics.inputs
+        aside = ASIDE / np.sqrt(np.arange(1, m + 1))
+        return np.tile(aside, (self._problem.pieces, self._problem.freedoms // m))
+
+    def rest(self, top: Array) -> Array:
+        """The rest of a plan; in the last piece the inputs stay as they are at the end."""
+        m = self._shots.form.dynamics.inputs
+        return np.vstack([top[1:], np.tile(top[-1, -m:], top.shape[1] // m)])
+
+    def braking(self, start: Array) -> Array:
+        """No thrust."""
+        return np.zeros((self._problem.pieces, self._problem.freedoms))
+
+    def plan(self, trajectory: ShotTrajectory, step: PlannerStep, named: Named, **rest: Any) -> ShootingPlan:
+        """A plan with the inputs of each period."""
+        thrust = trajectory.thrust([0.0, 1.0])
+        return ShootingPlan(
+            thrust=thrust[:, 0],
+            thrust_end=None if self._problem.thrust == "held" else thrust[:, 1],
+            period=self._problem.period,
+            knots=trajectory.knots,
+            held=trajectory.top / np.tile(self._problem.vehicle.thrust_max, trajectory.top.shape[1] // thrust.shape[2]),
+            **_told(step, named),
+            **rest,
+        )
+
+
+def _told(step: PlannerStep, named: Named) -> dict[str, Any]:
+    """What plans of both forms say of the step."""
+    return {
+        "status": step.status,
+        "violation": float(step.piece_violation.max()),
+        "piece_violation": step.piece_violation,
+        "iterations": step.iterations,
+        "fallback": step.fallback,
+        "tightened": step.tightened,
+        "given_up": named(step.given_up),
+        "broken_at_start": named(step.broken_at_start),
+    }
+
+
+def cold_guess(problem: ProblemData, start: Array) -> Array:
+    """Where a cold solve begins, u ``(p, freedoms)``: constant velocity, and a little thrust to one side.
+
+    From a start that is symmetric, as dead ahead of an obstacle, Newton's steps are so too, and may end on a ridge
+    between two plans. Inherited accelerations settle there. The generated C has the same (``gbt_coast``).
+    """
+    top, n, knot = np.zeros((problem.pieces, problem.freedoms)), start.shape[1], start
+    aside = ASIDE / np.sqrt(np.arange(1, n + 1)) * problem.vehicle.acceleration_scale
+    for piece in top:
+        piece[:n] = settling(knot, 2, aside, problem.period)
+        knot = FlatTrajectory(problem.period, knot, piece[None]).knots[1]
+    return top / input_scale(problem)
+
+
+def plan_form(problem: PosedProblem) -> PlanForm:
+    """That of a problem."""
+    if isinstance(problem, ShootingData):
+        return ShotPlans(problem)
+    assert isinstance(problem, ProblemData), "there are no others"
+    return FlatPlans(problem)

@@ -1,0 +1,109 @@
+"""Writes ``docs/data/NAME.json`` from what a command printed: its Markdown tables, with how they were made.
+
+python scripts/write_data.py OUTPUT ... --name NAME --result RESULT.json
+
+OUTPUT are texts with Markdown tables, RESULT.json what ``scripts/everything.py`` leaves of a job (command, commit,
+machine, versions). A table has the key of the nearest heading, or text, above it. ``scripts/everything.py --data`` does
+the same for every job that it runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+DATA = Path(__file__).resolve().parents[1] / "docs" / "data"
+_RULE = re.compile(r"\|(?:\s*:?-+:?\s*\|)+")
+
+
+def tables_in(text: str) -> dict[str, dict[str, Any]]:
+    """Markdown tables of a text by key, each with ``columns`` and ``rows`` of texts."""
+    found: dict[str, dict[str, Any]] = {}
+    lines, above = text.splitlines(), "table"
+    for number, line in enumerate(lines):
+        follows = lines[number + 1].strip() if number + 1 < len(lines) else ""
+        if line.startswith("|") and _RULE.fullmatch(follows):
+            rows = []
+            for below in lines[number + 2 :]:
+                if not below.startswith("|"):
+                    break
+                rows.append(cells(below))
+            key, copies = slug(above), 1
+            while key in found:
+                copies += 1
+                key = f"{slug(above)}_{copies}"
+            found[key] = {"columns": cells(line), "rows": rows}
+        elif line.strip() and not line.startswith("|"):
+            above = line
+    return found
+
+
+def cells(line: str) -> list[str]:
+    """Cells of a line of a table."""
+    return [cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip())[1:-1]]
+
+
+def slug(text: str) -> str:
+    """A key from a line of text: at most its first six words."""
+    words = re.findall(r"[a-z0-9]+", text.lower())[:6]
+    return "_".join(words) or "table"
+
+
+def seeds_of(command: Sequence[str]) -> str:
+    """What a command says of its seeds."""
+    for option in ("--seeds", "--runs"):
+        if option in command:
+            return f"0 to {int(command[list(command).index(option) + 1]) - 1}"
+    return "as the command has them"
+
+
+def described(tables: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, Any]:
+    """The content of a file, from the tables and the result of a job."""
+    machine = dict(result["machine"])
+    commit, system, processor = (machine.pop(key, "unknown") for key in ("commit", "system", "processor"))
+    return {
+        "command": [" ".join(result["command"])],
+        "commit": commit,
+        "date": datetime.now(UTC).date().isoformat(),
+        "machine": f"{processor}, {system}, load {result['load_before']:.1f}",
+        "seeds": seeds_of(result["command"]),
+        "versions": machine,
+        "tables": dict(tables),
+    }
+
+
+def write(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a file of data, a row of a table on a line."""
+    text = json.dumps(content, indent=1, ensure_ascii=False)
+    # a list of texts on one line, as a row is read
+    text = re.sub(r"\[\n\s+((?:\"(?:[^\"\\]|\\.)*\",?\s*)+)\]", lambda found: _joined(found[0]), text)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def _joined(listed: str) -> str:
+    return json.dumps(json.loads(listed), ensure_ascii=False)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """See the module."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("output", type=Path, nargs="+", help="texts with Markdown tables")
+    parser.add_argument("--name", required=True, help="of the file, without .json")
+    parser.add_argument("--result", type=Path, required=True, help="result.json of the job")
+    parser.add_argument("--data", type=Path, default=DATA, help="folder of the file")
+    chosen = parser.parse_args(argv)
+    tables = tables_in("\n".join(path.read_text(encoding="utf-8", errors="replace") for path in chosen.output))
+    if not tables:
+        parser.error(f"{chosen.output[0]}: found no table; allowed: texts with Markdown tables")
+    content = described(tables, json.loads(chosen.result.read_text(encoding="utf-8")))
+    write(chosen.data / f"{chosen.name}.json", content)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,98 @@
+"""Pages are rendered from docs/data: nothing quoted is missing, and what is wrong is refused by name."""
+
+import importlib.util
+import json
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = sorted((ROOT / "docs").rglob("*.md"))
+
+
+def module_of(path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+measured = module_of(ROOT / "docs" / "measured.py")
+write_data = module_of(ROOT / "scripts" / "write_data.py")
+
+
+def test_pages_quote_what_there_is_and_no_data_is_unused():
+    text = "\n".join(path.read_text(encoding="utf-8") for path in PAGES)
+    for path in PAGES:
+        shown = measured.rendered(path.read_text(encoding="utf-8"))
+        assert not re.search(r"\{\{\s*data", shown), path
+    quoted = {(name, key) for name, key, *_ in measured.PLACEHOLDER.findall(text)}
+    assert quoted >= {(name, key) for name in measured.names() for key in measured.read(name)["tables"]}
+
+
+@pytest.mark.parametrize(
+    ("quoted", "says"),
+    [
+        ("data.no_such.thing", "found no docs/data/no_such.json"),
+        ("data.fig9.no_such", "found no such key; allowed: models"),
+        ("data.closed_loop.whole_run[7, allowed]", "found 0 rows and 1 columns"),
+        ("data.closed_loop.whole_run[1, no such]", "found 1 rows and 0 columns"),
+        ("data.closed_loop.settled[1, worst seed]", "found 1 rows and 3 columns"),
+    ],
+)
+def test_a_page_that_quotes_a_missing_key_is_refused(quoted, says):
+    with pytest.raises(measured.MissingError, match=re.escape(says)):
+        measured.rendered(f"as in {{{{ {quoted} }}}}")
+
+
+def test_a_cell_and_a_table_are_those_of_the_file():
+    table = measured.read("comparison_sea")["tables"]["closed_loop"]
+    (row,) = (row for row in table["rows"] if row[:2] == ["sea3d", "hard"])
+    quoted = "{{ data.comparison_sea.closed_loop[sea3d / hard, least range m] }}"
+    assert measured.rendered(quoted) == row[table["columns"].index("least range m")]
+    shown = measured.rendered("{{ data.comparison_sea.closed_loop }}")
+    assert write_data.tables_in(shown) == {"table": table}
+
+
+@pytest.mark.parametrize("name", measured.names())
+def test_every_file_says_how_it_was_made(name):
+    found = json.loads((measured.DATA / f"{name}.json").read_text(encoding="utf-8"))
+    assert set(measured.ABOUT) <= set(found)
+    assert all(found[about] for about in measured.ABOUT)
+    for table in found["tables"].values():
+        assert all(len(row) == len(table["columns"]) for row in table["rows"])
+        assert table["rows"]
+
+
+def test_the_list_of_ages_counts_commits():
+    for name in measured.names():
+        assert f"| `{name}` |" in measured.ages()
+    done = subprocess.run(["git", "-C", str(ROOT), "rev-parse", "HEAD~3"], capture_output=True, text=True, check=False)
+    if done.returncode:
+        pytest.skip("a copy without its history")
+    between = subprocess.run(
+        ["git", "-C", str(ROOT), "log", "--format=%h", "HEAD~3..HEAD"], capture_output=True, text=True, check=True
+    )
+    assert measured.age(done.stdout.strip()).startswith(f"{len(between.stdout.split())} commits (")
+    assert "does not have" in measured.age("0" * 40)
+
+
+def test_data_is_written_from_what_a_command_printed(tmp_path):
+    result = {
+        "command": ["python", "benchmarks/x.py", "--seeds", "4"],
+        "load_before": 0.5,
+        "machine": {"system": "Linux", "processor": "one, 2 cores", "python": "3.11", "commit": "abc", "numpy": "2.1"},
+    }
+    printed = "# Errors\n\n| case | m |\n|---|---|\n| 1 | 0.5 |\n| 2 \\| 3 | 1 |\n\nmore\n\n| a |\n|:-:|\n| b |\n"
+    path = tmp_path / "data" / "x.json"
+    write_data.write(path, write_data.described(write_data.tables_in(printed), result))
+    found = json.loads(path.read_text(encoding="utf-8"))
+    assert found["tables"] == {
+        "errors": {"columns": ["case", "m"], "rows": [["1", "0.5"], ["2 \\| 3", "1"]]},
+        "more": {"columns": ["a"], "rows": [["b"]]},
+    }
+    assert (found["commit"], found["seeds"]) == ("abc", "0 to 3")
+    assert found["command"] == ["python benchmarks/x.py --seeds 4"]
+    assert found["versions"] == {"python": "3.11", "numpy": "2.1"}
