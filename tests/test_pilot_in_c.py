@@ -10,13 +10,15 @@ from pilots_in_c import closed_loop
 
 import gbt_ocp as gbt
 from gbt_ocp.cli.main import main
-from gbt_ocp.models import Mounting
+from gbt_ocp.models import Mounting, case_target
 from gbt_ocp.models.measurements import Measurement
 from gbt_ocp.ocp.codegen.library import find_compiler
 from gbt_ocp.pilot.compiled_ekf import CompiledExtendedKalmanFilter
+from gbt_ocp.pilot.compiled_gp import CompiledGaussianProcessTracker
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
+from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.intake import take_in
-from gbt_ocp.tracking.priors import LogNormal, RangedPrior
+from gbt_ocp.tracking.priors import LogNormal, PositionPrior, RangedPrior
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
@@ -71,18 +73,23 @@ def test_commands_of_an_untidy_loop_are_those_of_python():
 
 
 LOOPS = [
-    ("case2", 30.0, ("sensor.noise_deg=0.5",)),
-    ("case5", 30.0, ("sensor.noise_deg=0.5",)),
-    ("sea2d", 300.0, ()),
-    ("sea3d", 300.0, ()),
+    ("case2", 30.0, ("tracker.kind=ekf", "sensor.noise_deg=0.5")),
+    ("case5", 30.0, ("tracker.kind=ekf", "sensor.noise_deg=0.5")),
+    ("sea2d", 300.0, ("tracker.kind=ekf",)),
+    ("sea3d", 300.0, ("tracker.kind=ekf",)),
 ]
+
+EXACT = [("case2", 30.0, ("preset=paper",)), ("case5", 30.0, ("preset=paper",))]
+"""Loops of the paper's tracker, whose bearings are exact."""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize(("name", "seconds", "changes"), LOOPS)
-def test_commands_of_closed_loops_are_those_of_python(name, seconds, changes, seed):
-    changes = ["tracker.kind=ekf", "tracker.engine=compiled", f"seed={seed}", *changes]
+@pytest.mark.parametrize(("name", "seconds", "changes"), [*LOOPS, *EXACT])
+def test_commands_of_closed_loops_are_those_of_python(name, seconds, changes, seed, monkeypatch):
+    if "preset=paper" in changes:
+        monkeypatch.setitem(globals(), "NOISE", 0.0)
+    changes = ["tracker.engine=compiled", f"seed={seed}", *changes]
     pilot = closed_loop(gbt.load_config(name, changes), seconds, only_bearings)
     assert pilot.commands > 9.0 * seconds
     assert pilot.followed > 0.5 * pilot.commands
@@ -93,7 +100,7 @@ def test_commands_of_closed_loops_are_those_of_python(name, seconds, changes, se
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "seconds", "changes"), LOOPS)
 def test_commands_of_untidy_loops_are_those_of_python(name, seconds, changes):
-    changes = ["tracker.kind=ekf", "tracker.engine=compiled", *changes]
+    changes = ["tracker.engine=compiled", *changes]
     pilot = closed_loop(gbt.load_config(name, changes), 0.2 * seconds, all_sensors, interval=(0.01, 0.12), late=1.0)
     assert pilot.followed > 0.2 * pilot.commands
     assert pilot.worst < 1e-8
@@ -166,6 +173,40 @@ def test_the_filter_in_c_takes_refuses_and_predicts_as_the_one_in_numpy(d, size,
     assert both[0].new_tracks > 0
 
 
+PROCESSES = [
+    (2, False, {"nugget": 1e-8, "amplitude": 1.0, "centre": "origin"}),
+    (3, False, {"nugget": 1e-8, "amplitude": 1.0, "centre": "origin"}),
+    (2, True, {"nugget": 1e-6}),
+    (3, True, {"nugget": 1e-6, "kernel": "matern52"}),
+    (2, False, {"nugget": 1e-5, "kernel": "rq", "window": 8}),
+    (2, False, {"nugget": 1e-4, "kernel": "matern32", "length_scale": 2.0}),
+]
+"""Dimension, whether there is a prior, and settings; the first two are the paper's."""
+
+
+@pytest.mark.parametrize(("d", "known", "settings"), PROCESSES)
+def test_the_process_in_c_is_tuned_and_predicts_as_the_one_in_numpy(d, known, settings):
+    target = case_target(2 if d == 2 else 5)
+    there = {"mean": target.position(0.0) + 0.1, "covariance": 0.09 * np.eye(d) + 0.01} if known else {}
+    prior = PositionPrior(np.zeros(d), **there)
+    both = [made(d, prior=prior, **settings) for made in (GaussianProcessTracker, CompiledGaussianProcessTracker)]
+    worst = 0.0
+    for number in range(60):
+        time = 0.1 * number + (9e3 if number > 40 else 0.0)  # a long gap, after which the track begins again
+        own = np.array([2.0 * math.sin(1.3 * time), 2.0 * math.cos(1.3 * time), 0.3 * math.sin(time)])[:d]
+        line = target.position(time) - own
+        ahead = time + 0.1 * np.arange(12)
+        for tracker in both:
+            tracker.update(time, line / np.linalg.norm(line), own)
+        python, c = (tracker.predict(ahead) for tracker in both)
+        scale = both[0].hyperparameters.amplitude
+        worst = max(worst, float(np.abs(python.mean - c.mean).max()) / scale)
+        worst = max(worst, float(np.abs(python.covariance - c.covariance).max()) / scale**2)
+        assert both[1].hyperparameters.length_scale == pytest.approx(both[0].hyperparameters.length_scale, rel=1e-6)
+    assert both[0].new_tracks == both[1].new_tracks == 1
+    assert 0.0 < worst < 1e-6
+
+
 def test_the_filter_in_c_remembers_what_it_is_saved_with(tmp_path):
     config = gbt.load_config("case2", ["tracker.kind=ekf", "tracker.engine=compiled", "guidance.kind=random"])
     pilot = gbt.Pilot(config)
@@ -190,8 +231,13 @@ def test_the_filter_in_c_remembers_what_it_is_saved_with(tmp_path):
 @pytest.mark.parametrize(
     ("name", "change", "says"),
     [
-        ("case2", "seed=0", "--pilot: tracker.kind: found gp; allowed: ekf"),
-        ("sea2d", "seed=0", "--pilot: tracker.kind: found motion_gp; allowed: ekf"),
+        ("case2", "seed=0", "--pilot: tracker.nugget: found tuned; allowed in C: a number, as 1e-8 of preset: paper"),
+        ("sea2d", "seed=0", "--pilot: tracker.kind: found motion_gp; allowed: ekf, or gp for exact bearings"),
+        (
+            "case2",
+            "sensor.noise_deg=1.0",
+            "--pilot: tracker.kind: found gp for noisy bearings; allowed: ekf, or gp for",
+        ),
         ("case2", "guidance.kind=static", "--pilot: guidance.kind: found static; allowed: planner"),
         (
             "case2",
@@ -206,7 +252,7 @@ def test_the_filter_in_c_remembers_what_it_is_saved_with(tmp_path):
     ],
 )
 def test_what_there_is_no_c_for_is_refused_in_one_line(tmp_path, capsys, name, change, says):
-    kind = [] if change == "seed=0" else ["--set", "tracker.kind=ekf"]
+    kind = [] if change.startswith(("seed", "sensor")) else ["--set", "tracker.kind=ekf"]
     assert main(["codegen", name, "--out", str(tmp_path / "c"), "--pilot", *kind, "--set", change]) == 2
     said = capsys.readouterr().err
     assert says in said

@@ -6,7 +6,10 @@ from gbt_ocp.experiments.build.pilot import build_pilot
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.guidance import PlannerGuidanceSection
 from gbt_ocp.experiments.config.schema import Configuration
-from gbt_ocp.pilot.pilot_source import TRACKERS_IN_C, pilot_files
+from gbt_ocp.pilot.pilot_source import pilot_files
+
+TRACKERS_IN_C = ("ekf", "gp")
+"""Kinds of trackers that there are in C."""
 
 
 def pilot_sources(configuration: Configuration) -> dict[str, str]:
@@ -18,8 +21,10 @@ def pilot_sources(configuration: Configuration) -> dict[str, str]:
         If a part of it does not exist in C; one line that names the key.
     """
     kind, guidance = configuration.tracker.kind, configuration.guidance
-    if kind != TRACKERS_IN_C:
-        raise ConfigurationError([f"--pilot: tracker.kind: found {kind}; allowed: {TRACKERS_IN_C}"])
+    noisy = kind == "gp" and configuration.bearing_noise_deg > 0.0
+    if kind not in TRACKERS_IN_C or (noisy and getattr(configuration.tracker, "noise", None) is not None):
+        found = "gp for noisy bearings" if noisy else kind
+        raise ConfigurationError([f"--pilot: tracker.kind: found {found}; allowed: ekf, or gp for exact bearings"])
     if not isinstance(guidance, PlannerGuidanceSection):
         raise ConfigurationError([f"--pilot: guidance.kind: found {guidance.kind}; allowed: planner"])
     current = getattr(configuration.vehicle, "current", "none")

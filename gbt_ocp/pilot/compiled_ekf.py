@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from gbt_ocp.models.measurements import MeasurementKind, Sighting
 from gbt_ocp.ocp.codegen.library import kernel_files, load_library
-from gbt_ocp.pilot.pilot_source import UNLISTED, pilot_texts
+from gbt_ocp.pilot.pilot_source import UNLISTED
+from gbt_ocp.pilot.tracker_source import pilot_texts
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
 from gbt_ocp.tracking.filters.motion_models import size_estimate
 from gbt_ocp.tracking.polar import checked_sighting, is_bearing

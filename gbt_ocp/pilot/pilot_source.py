@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -18,7 +16,7 @@ from gbt_ocp.models.sensors import SimulatedSensor
 from gbt_ocp.ocp.codegen.problem_source import from_moments
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.pilot.pilot_parts import PilotParts
-from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter
+from gbt_ocp.pilot.tracker_source import SIZES, c_number, initialiser, pilot_texts, tracker_in_c
 
 NAVIGATION_HZ = 50.0
 """Rate in Hz of navigations for which there is memory; where they come faster, those that are too old are fewer."""
@@ -28,9 +26,6 @@ UNLISTED = 8
 
 SPARE = 16
 """Measurements that may wait for a command beside those of a sensor on time."""
-
-TRACKERS_IN_C = "ekf"
-"""Kinds of trackers that there are in C."""
 
 
 def pilot_files(parts: PilotParts) -> dict[str, str]:
@@ -47,8 +42,8 @@ def pilot_files(parts: PilotParts) -> dict[str, str]:
         If a part does not exist in C; one line that names it.
     """
     numbers, sizes = _guidance(parts)
-    tracker, sized = _tracker(parts)
-    sizes |= {"SIZED": sized, **_memory(parts)}
+    tracker = tracker_in_c(parts.tracker)
+    sizes |= tracker.sizes | _memory(parts)
     numbers |= {
         "period": parts.period,
         "forecast_period": parts.forecast_period,
@@ -58,27 +53,18 @@ def pilot_files(parts: PilotParts) -> dict[str, str]:
         "bearing_std": parts.bearing_std,
         "follow_bandwidth": parts.follow_bandwidth,
     }
-    defined = (f"#define GBT_{name} {value} /* {_SIZES[name]} */" for name, value in sizes.items())
+    defined = (f"#define GBT_{name} {value} /* {(_SIZES | SIZES)[name]} */" for name, value in sizes.items())
     fields = (f"    {_kind(name)} {name}{_length(numbers[name])}; /* {says} */" for name, says in _SETTINGS.items())
     header = _HEADER.format(sizes="\n".join(defined), fields="\n".join(fields))
     sensors = [_sensor(number, one) for number, one in enumerate(parts.sensors.values())]
     source = _SOURCE.format(
-        numbers=_initialiser({name: numbers[name] for name in _SETTINGS}),
-        tracker=_initialiser(tracker),
+        numbers=initialiser({name: numbers[name] for name in _SETTINGS}, _DOUBLES),
+        kind=tracker.name,
+        tracker=initialiser(tracker.settings),
         sensors=", ".join(sensors or ["{{0, GBT_EARTH, 0, {0}, 0}, 0, 0, 0}"]),
         names=", ".join(json.dumps(name) for name in parts.sensors) or '""',
     )
-    return pilot_texts() | {"gbt_pilot_settings.h": header, "gbt_pilot_settings.c": source}
-
-
-def pilot_texts() -> dict[str, str]:
-    """The hand-written C files of the pilot, by name."""
-    folder = files("gbt_ocp.pilot") / "c"
-    return {
-        entry.name: entry.read_text(encoding="utf-8")
-        for entry in sorted(folder.iterdir(), key=lambda entry: entry.name)
-        if entry.name.endswith((".c", ".h"))
-    }
+    return tracker.chosen(pilot_texts()) | {"gbt_pilot_settings.h": header, "gbt_pilot_settings.c": source}
 
 
 def _guidance(parts: PilotParts) -> tuple[dict[str, Any], dict[str, int]]:
@@ -120,29 +106,6 @@ def _guidance(parts: PilotParts) -> tuple[dict[str, Any], dict[str, int]]:
     return numbers, {"AHEAD": parts.forecast, "STEPS": steps, "STRIDE": stride}
 
 
-def _tracker(parts: PilotParts) -> tuple[dict[str, Any], int]:
-    """The settings of the tracker, and whether it estimates the size of the target."""
-    tracker = parts.tracker
-    if not isinstance(tracker, ExtendedKalmanFilter):
-        raise ValueError(f"tracker: found {type(tracker).__name__}; allowed in C: tracker.kind {TRACKERS_IN_C}")
-    guess, process_noise, bearing_std, size = tracker.settings
-    d = parts.vehicle.position_dimension
-    mean, covariance = (np.zeros(d), np.zeros((d, d))) if guess.prior.known is None else guess.prior.known
-    settings = {
-        "process_noise": process_noise,
-        "bearing_std": bearing_std,
-        "range": guess.prior.range,
-        "range_std": guess.range_std,
-        "speed_std": guess.speed_std,
-        "log_size": 0.0 if size is None else math.log(size.median),
-        "log_size_std": 1.0 if size is None else size.log_std,
-        "known": int(guess.prior.known is not None),
-        "known_mean": mean,
-        "known_covariance": covariance,
-    }
-    return settings, int(size is not None)
-
-
 def _memory(parts: PilotParts) -> dict[str, int]:
     """How much is remembered of inputs."""
     periods = [sensor.period for sensor in parts.sensors.values()] or [parts.period]
@@ -160,23 +123,9 @@ def _sensor(number: int, sensor: SimulatedSensor) -> str:
     mounting = sensor.mounting
     position = mounting.position or (0.0,)
     frame = "GBT_BOW" if sensor.frame == "bow" else "GBT_EARTH"
-    pose = f"{{{number}, {frame}, 1, {_number(np.array(position))}, {_number(mounting.yaw)}}}"
+    pose = f"{{{number}, {frame}, 1, {c_number(np.array(position))}, {c_number(mounting.yaw)}}}"
     numbers = (sensor.std or 0.0, sensor.share or 0.0, sensor.heading_std)
-    return f"{{{pose}, {', '.join(_number(value) for value in numbers)}}}"
-
-
-def _number(value: Any) -> str:
-    """A number, or an array, as C."""
-    if isinstance(value, np.ndarray):
-        return "{" + ", ".join(_number(one) for one in value) + "}"
-    return str(value) if isinstance(value, int) else f"(gbt_real){float(value)!r}"
-
-
-def _initialiser(values: Mapping[str, Any]) -> str:
-    doubles = {name for name in _SETTINGS if _kind(name) == "double"}
-    return ",\n    ".join(
-        f".{name} = {repr(float(value)) if name in doubles else _number(value)}" for name, value in values.items()
-    )
+    return f"{{{pose}, {', '.join(c_number(value) for value in numbers)}}}"
 
 
 def _kind(name: str) -> str:
@@ -194,7 +143,6 @@ _SIZES = {
     "AHEAD": "positions predicted ahead",
     "STEPS": "sampling periods that a piece of a plan lasts",
     "STRIDE": "predicted positions that it lasts",
-    "SIZED": "whether the size of the target is estimated",
     "LISTED": "sensors of which something is configured",
     "SENSORS": "numbers of sensors",
     "MEASUREMENTS": "measurements that can wait for a command",
@@ -259,7 +207,7 @@ _SOURCE = """/* Generated: settings of one pilot. */
 const gbt_pilot_settings gbt_pilot_numbers = {{
     {numbers}}};
 
-const gbt_ekf_settings gbt_tracker_settings = {{
+const gbt_{kind}_settings gbt_tracker_settings = {{
     {tracker}}};
 
 const gbt_sensor gbt_listed_sensors[] = {{{sensors}}};

@@ -76,10 +76,8 @@ static void predict(gbt_pilot *pilot, double time, const gbt_real *own)
 {
     gbt_forecast *forecast = &pilot->forecast, *usable = &pilot->usable;
     int finite = 1;
-    forecast->time = time;
+    gbt_tracker_predict(&pilot->tracker, time, forecast);
     for (int k = 0; k <= GBT_AHEAD; k++) {
-        const double when = time + gbt_pilot_numbers.forecast_period * k;
-        gbt_tracker_predict(&pilot->tracker, when, forecast->mean[k], &forecast->covariance[k][0][0]);
         finite = finite && gbt_finite(forecast->mean[k], D);
         for (int a = 0; a < D * D; a++) finite = finite && !isinf(forecast->covariance[k][a / D][a % D]);
     }
