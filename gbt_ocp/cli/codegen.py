@@ -1,4 +1,4 @@
-"""``gbt-ocp codegen``: the planner of an experiment as C."""
+"""``gbt-ocp codegen``: the planner of an experiment as C, or all of its pilot."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--prefix", metavar="NAME_", default="", help="of all names in it, for programs with several planners"
     )
+    parser.add_argument("--pilot", action="store_true", help="the tracker, the guidance and the follower with it")
     parser.add_argument("--verify", action="store_true", help="build it, run its recorded steps, make it fail")
 
 
@@ -30,6 +31,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     refuse_unwritable(arguments.out)
 
     from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
+    from gbt_ocp.experiments.pilot_in_c import pilot_sources
     from gbt_ocp.experiments.recorded_steps import recorded_steps
     from gbt_ocp.ocp.codegen.library import CompilerError
     from gbt_ocp.ocp.codegen.problem_source import from_moments
@@ -44,6 +46,8 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     section, solver = configuration.planner, arguments.solver
     if arguments.verify and solver != "compiled":
         raise ConfigurationError(["--verify: found --solver ipopt; allowed: --solver compiled"])
+    if arguments.pilot and solver != "compiled":
+        raise ConfigurationError(["--pilot: found --solver ipopt; allowed: --solver compiled"])
     try:
         prefix = checked_prefix(arguments.prefix)
     except ValueError as fault:
@@ -51,12 +55,13 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     try:
         problem = build_problem(configuration, build_vehicle(configuration))
         options = options_beside(section.solver, solver, section.solver_options)
+        beside = pilot_sources(configuration) if arguments.pilot else {}
         if solver == "compiled":
             planner = problem.compile(solver, options)
             # of the closed loop; made up only where nothing is planned there, which the moments of a forecast allow
             planned = isinstance(configuration.guidance, PlannerGuidanceSection)
             steps = recorded_steps(configuration, planner, OFFERED) if planned or not from_moments(problem) else None
-            write_c(planner, arguments.out, steps, prefix)
+            write_c(planner, arguments.out, steps, prefix, beside)
         else:
             if not isinstance(problem, ProblemData):
                 raise ConfigurationError(["planner.form: found shooting with --solver ipopt; allowed: flat"])
@@ -86,7 +91,10 @@ def _carry_out(arguments: argparse.Namespace) -> int:
 CODEGEN = Subcommand(
     "codegen",
     "write the planner of an experiment as C without dependencies",
-    ("gbt-ocp codegen case2 --out planner_c --set planner.formulation=hard --verify",),
+    (
+        "gbt-ocp codegen case2 --out planner_c --set planner.formulation=hard --verify",
+        "gbt-ocp codegen case2 --out pilot_c --set tracker.kind=ekf --pilot",
+    ),
     _add_arguments,
     _carry_out,
 )

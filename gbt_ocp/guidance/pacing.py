@@ -50,6 +50,16 @@ class PacedBearing:
         self._phase = 0.0
         self._pace = 1.0
 
+    @property
+    def at_full_pace(self) -> DesiredBearing:
+        """The bearing that is slowed down."""
+        return self._desired
+
+    @property
+    def speed(self) -> float:
+        """The speed in m/s over the radius of the circle on the unit sphere."""
+        return float(self._speed)
+
     def pace(self, time: float, distance: float) -> None:
         """From ``time`` in seconds on, turn as fast as a target at the distance in metres allows."""
         self._phase += self._pace * float(self._since(time))

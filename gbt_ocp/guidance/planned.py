@@ -82,6 +82,11 @@ class PlannedMotion:
         self._planned_at = 0.0
         self._legs_begun = False
 
+    @property
+    def schedule(self) -> tuple[int, int, bool]:
+        """Sampling periods and predicted positions that a piece lasts, and whether plans begin at the line of sight."""
+        return self._steps, self._stride, self._begin_at_sight
+
     def see(self, bearing: Array | None) -> None:
         """Take note of the bearing ``(d,)`` measured now, before the decision."""
         self._seen = bearing

@@ -146,10 +146,16 @@ class CrossFirst:
         if not not_negative("opening", opening) < speed:
             raise ValueError(f"guidance.startup_opening: found {opening}; allowed: a number < startup_speed = {speed}")
         self.planned = planned
+        self.speed = float(speed)
         self._dynamics = InverseDynamics(vehicle, period)
         unit = vector("axis", axis, 3)
         unit /= positive("length of axis", float(np.linalg.norm(unit)))
         self._crossing = Crossing(unit, deviation, float(np.sqrt(speed**2 - opening**2)), opening, leg)
+
+    @property
+    def crossing(self) -> Crossing:
+        """When to cross, and how fast."""
+        return self._crossing
 
     @property
     def desired(self) -> DesiredBearing | PacedBearing:

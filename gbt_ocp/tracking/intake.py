@@ -41,8 +41,9 @@ def taken_kinds(tracker: Any) -> tuple[MeasurementKind, ...]:
 def take_in(tracker: Any, sighting: Sighting) -> None:
     """Give the tracker a measurement.
 
-    A bearing that does not say its noise goes to ``update``, as from the sensor of a run. Trackers without a noise of
-    each measurement are given bearings and positions alone.
+    A bearing that does not say its noise goes to ``update``, as from the sensor of a run, unless the tracker has an
+    attribute ``takes_unstated`` that is true. Trackers without a noise of each measurement are given bearings and
+    positions alone.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ def take_in(tracker: Any, sighting: Sighting) -> None:
     if sighting.kind not in kinds:
         raise ValueError(f"kind: found '{sighting.kind}'; {type(tracker).__name__} takes {', '.join(kinds)}")
     silent = sighting.kind in BEARINGS and is_bearing(sighting) and bool(np.all(np.isnan(sighting.std)))
-    if isinstance(tracker, SightingTracker) and not silent:
+    if isinstance(tracker, SightingTracker) and (not silent or getattr(tracker, "takes_unstated", False)):
         tracker.take(sighting)
     elif isinstance(tracker, PositionTracker):
         tracker.update_position(sighting.time, sighting.value)

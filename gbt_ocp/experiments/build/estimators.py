@@ -45,7 +45,10 @@ def gaussian_process(
     noise = noise_of(section, sensor)
     if noise is not None:
         return _noisy(noise, prior, sensor, _size_prior(section.size))
-    return GaussianProcessTracker(
+    made = GaussianProcessTracker
+    if section.engine == "compiled":
+        from gbt_ocp.pilot.compiled_gp import CompiledGaussianProcessTracker as made  # noqa: N813
+    return made(
         len(prior.start),
         window=section.window,
         kernel=section.kernel,
@@ -299,7 +302,10 @@ def extended(
     section: sections.ExtendedKalmanSection, prior: PositionPrior, sensor: BearingSensor
 ) -> ExtendedKalmanFilter:
     """Kind ``ekf``."""
-    return ExtendedKalmanFilter(
+    made = ExtendedKalmanFilter
+    if section.engine == "compiled":
+        from gbt_ocp.pilot.compiled_ekf import CompiledExtendedKalmanFilter as made  # noqa: N813
+    return made(
         _first_guess(section, prior),
         process_noise=section.process_noise,
         bearing_std=math.radians(section.bearing_std_deg),

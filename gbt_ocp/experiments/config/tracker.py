@@ -24,6 +24,10 @@ from gbt_ocp.experiments.config.noise import NoiseSection, NoisyBearingsSection
 SizeNumbers = Annotated[tuple[Positive, ...], Field(min_length=2, max_length=2), BeforeValidator(as_tuples)]
 
 
+def _engine() -> Any:
+    return key("numpy", "What does the arithmetic of ekf, and of gp without noise: numpy, or the C of codegen --pilot.")
+
+
 def _size() -> Any:
     return key(
         None,
@@ -108,6 +112,7 @@ class GaussianProcessSection(ProcessSection):
         "sensor, null, or a mapping",
     )
     size: SizeNumbers | None = _size()
+    engine: Literal["numpy", "compiled"] = _engine()
 
 
 class CoregionalizedSection(ProcessSection):
@@ -299,6 +304,7 @@ class ExtendedKalmanSection(ExtendedSection):
     """Extended Kalman filter."""
 
     kind: Literal["ekf"] = key(..., "Extended Kalman filter.")
+    engine: Literal["numpy", "compiled"] = _engine()
 
 
 class InteractingExtendedSection(ExtendedSection):

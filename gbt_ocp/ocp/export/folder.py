@@ -28,7 +28,11 @@ from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 
 
 def write_c(
-    planner: AnyPlanner, folder: str | Path, steps: Sequence[Mapping[str, Any]] | None = None, prefix: str = ""
+    planner: AnyPlanner,
+    folder: str | Path,
+    steps: Sequence[Mapping[str, Any]] | None = None,
+    prefix: str = "",
+    beside: Mapping[str, str] | None = None,
 ) -> Path:
     """Write a planner as C99 that needs neither Python nor this package.
 
@@ -46,6 +50,8 @@ def write_c(
     prefix
         Of all names (files, functions, types, macros in capitals), for programs with several planners; see
         :func:`gbt_ocp.ocp.export.names.prefixed`.
+    beside
+        Further C files by name, for the same library: those of a pilot.
 
     Raises
     ------
@@ -66,7 +72,7 @@ def write_c(
     target = Path(folder)
     with whole_folder(target) as draft:
         generated = generate_problem(problem, settings).files
-        sources = kernel_files(shooting=shooting) | generated
+        sources = kernel_files(shooting=shooting) | generated | dict(beside or {})
         sources["gbt_identity.h"] = identity_header(sources)
         vectors = record(planner, steps)
         texts = {f"src/{name}": text for name, text in sources.items()}
@@ -134,9 +140,9 @@ def _define(header: str, name: str) -> int:
 
 
 def _cmake_lists(sources: Mapping[str, str]) -> str:
-    """``CMakeLists.txt`` with the sources by name, and the headers that callers of ``gbt_plan.h`` need."""
+    """``CMakeLists.txt`` with the sources by name, and the headers that callers of the library need."""
     units = sorted(name for name in sources if name.endswith(".c"))
-    headers = ["gbt_plan.h"]
+    headers = [name for name in ("gbt_plan.h", "gbt_pilot.h") if name in sources]
     for name in headers:
         headers += [found for found in re.findall(r'#include "(\w+\.h)"', sources[name]) if found not in headers]
     text = _template("CMakeLists.txt")

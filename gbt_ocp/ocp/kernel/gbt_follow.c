@@ -46,20 +46,13 @@ static gbt_follow_status idle(gbt_follow_status status, gbt_follow_result *resul
     return result->status = status;
 }
 
-gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt_real hold, const gbt_real *z,
-                             const gbt_real *dz, gbt_follow_result *result)
+gbt_follow_status gbt_follow_points(gbt_real bandwidth, const gbt_real *now, const gbt_real *middle, const gbt_real *own,
+                                    const gbt_real *z, const gbt_real *dz, gbt_follow_result *result)
 {
-    gbt_real piece[GBT_ORDERS][GBT_FLAT], now[GBT_POINT], middle[GBT_POINT], point[GBT_POINT], s, square = 0;
-    const gbt_real w = follower->bandwidth;
-    int finite = isfinite(elapsed) && isfinite(hold);
-    for (int j = 0; j < GBT_FLAT; j++) finite = finite && isfinite(z[j]) && isfinite(dz[j]);
-    if (!finite) return idle(GBT_FOLLOW_NOT_FINITE, result);
-    if (!piece_at(follower, elapsed, piece, &s)) return idle(GBT_FOLLOW_NO_PLAN, result);
-    gbt_point_after(piece, s, now);
-    gbt_point_after(piece, s + hold / 2, middle);
+    gbt_real point[GBT_POINT], square = 0;
+    const gbt_real w = bandwidth;
     for (int j = 0; j < GBT_FLAT; j++) {
-        const gbt_real own = j < GBT_DIMENSION ? z[j] - follower->start[0][j] : z[j];
-        const gbt_real error = now[j] - own, rate_error = now[GBT_FLAT + j] - dz[j];
+        const gbt_real error = now[j] - own[j], rate_error = now[GBT_FLAT + j] - dz[j];
         result->error[j] = j < GBT_DIMENSION ? error : gbt_remainder(error, TURN);
         if (j < GBT_DIMENSION) square += error * error;
         point[j] = z[j] + (middle[j] - now[j]);
@@ -76,6 +69,20 @@ gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt
         if (result->thrust[i] != asked) result->status = GBT_FOLLOW_CLIPPED;
     }
     return result->status;
+}
+
+gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt_real hold, const gbt_real *z,
+                             const gbt_real *dz, gbt_follow_result *result)
+{
+    gbt_real piece[GBT_ORDERS][GBT_FLAT], now[GBT_POINT], middle[GBT_POINT], own[GBT_FLAT], s;
+    int finite = isfinite(elapsed) && isfinite(hold);
+    for (int j = 0; j < GBT_FLAT; j++) finite = finite && isfinite(z[j]) && isfinite(dz[j]);
+    if (!finite) return idle(GBT_FOLLOW_NOT_FINITE, result);
+    if (!piece_at(follower, elapsed, piece, &s)) return idle(GBT_FOLLOW_NO_PLAN, result);
+    gbt_point_after(piece, s, now);
+    gbt_point_after(piece, s + hold / 2, middle);
+    for (int j = 0; j < GBT_FLAT; j++) own[j] = j < GBT_DIMENSION ? z[j] - follower->start[0][j] : z[j];
+    return gbt_follow_points(follower->bandwidth, now, middle, own, z, dz, result);
 }
 
 gbt_follow_status gbt_follow_setpoint(const gbt_follower *follower, gbt_real ahead, const gbt_real *water,

@@ -57,6 +57,15 @@ void gbt_follow_plan(gbt_follower *follower, const gbt_real *state, const gbt_re
 gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt_real hold, const gbt_real *z,
                              const gbt_real *dz, gbt_follow_result *result);
 
+/* The same from points of a plan, z, its rate and its acceleration, GBT_POINT each, for a caller that has them.
+
+   bandwidth     w in rad/s
+   now, middle   points of the plan now, and in the middle of the time until the next sample
+   own           measured flat output in the coordinates of these points, GBT_FLAT
+   z, dz         measured flat output and its rate, GBT_FLAT each */
+gbt_follow_status gbt_follow_points(gbt_real bandwidth, const gbt_real *now, const gbt_real *middle, const gbt_real *own,
+                                    const gbt_real *z, const gbt_real *dz, gbt_follow_result *result);
+
 typedef struct {
     gbt_follow_status status;
     gbt_real z[GBT_FLAT], dz[GBT_FLAT]; /* flat output and its rate, over ground */

@@ -167,6 +167,11 @@ class ExtendedKalmanFilter(RestartingTracker):
         self._gaps = Gaps()
         self._begin(guess)
 
+    @property
+    def settings(self) -> tuple[FirstGuess, float, float, LogNormal | None]:
+        """Where a track begins, q in m²/s³, σ of a bearing in radians, and what was known of the size in metres."""
+        return self._guess, self._process_noise, self._deviation, self._size_prior
+
     def _begin(self, guess: FirstGuess) -> None:
         self._guess = guess
         self._time: float | None = None

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.tracking.gp.bounds import bearing_bound
+from gbt_ocp.tracking.gp.kernels import KERNELS
 from gbt_ocp.tracking.gp.posterior import Hyperparameters, Posterior, condition
 from gbt_ocp.tracking.gp.tuning import IsotropicTuning, checked_nugget, kernel_named
 from gbt_ocp.tracking.gp.windowed import WindowedTracker
@@ -64,6 +65,13 @@ class GaussianProcessTracker(WindowedTracker[Posterior]):
         self._kernel = kernel_named(kernel)
         self._fixed = length_scale, amplitude, checked_nugget(nugget)
         super().__init__(dimension, window=window, centre=centre, prior=prior, breaks=breaks)
+
+    @property
+    def settings(self) -> tuple[str, IsotropicTuning, bool, int, PositionPrior, Measurements | None, bool]:
+        """Kernel, search at its beginning, whether the vehicle is the centre, N_c, prior and its rows, whether cut."""
+        name = next(name for name, kernel in KERNELS.items() if kernel is self._kernel)
+        fresh = IsotropicTuning(self._kernel, *self._fixed)
+        return name, fresh, self._centre_on_vehicle, self._capacity, self._prior, self._prior_rows, self._breaks
 
     def _forget_tuning(self) -> None:
         self._tuning = IsotropicTuning(self._kernel, *self._fixed)

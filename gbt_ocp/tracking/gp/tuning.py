@@ -112,11 +112,25 @@ class IsotropicTuning:
         likelihood = LogLikelihood(self._kernel, measurements, centre, self._nugget)
         warm = maximise(likelihood, self._log_theta, self._bounds, self._priors)
         self._log_theta = warm
-        if self._nugget is not None or warm[0] > SHORT + np.log(LENGTH_SCALE_PRIOR.median):
+        if self._nugget is not None or warm[0] > self.suspect:
             return
         # Noise can be taken for a motion that jitters, and no local search leaves that: try the other start too.
         smooth = maximise(likelihood, self._smooth, self._bounds, self._priors)
         self._log_theta = likelier(likelihood, warm, smooth, self._priors)
+
+    @property
+    def search(self) -> tuple[list[Bounds], list[LogNormal | None], Array, Array, float | None]:
+        """Bounds of log θ and their priors, where the search is, where one for a smooth motion begins, the nugget."""
+        return self._bounds, self._priors, self._log_theta, self._smooth, self._nugget
+
+    @property
+    def suspect(self) -> float:
+        """Logarithm of the length scale in s below which it is suspected of telling noise."""
+        return float(SHORT + np.log(LENGTH_SCALE_PRIOR.median))
+
+    def found(self, log_theta: Array) -> None:
+        """Take log θ from a search that was made elsewhere."""
+        self._log_theta = log_theta
 
     @property
     def hyperparameters(self) -> Hyperparameters:

@@ -1,0 +1,38 @@
+"""From a configuration to the C of its pilot."""
+
+from __future__ import annotations
+
+from gbt_ocp.experiments.build.pilot import build_pilot
+from gbt_ocp.experiments.config.faults import ConfigurationError
+from gbt_ocp.experiments.config.guidance import PlannerGuidanceSection
+from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.pilot.pilot_source import pilot_files
+
+TRACKERS_IN_C = ("ekf", "gp")
+"""Kinds of trackers that there are in C."""
+
+
+def pilot_sources(configuration: Configuration) -> dict[str, str]:
+    """The C files of a pilot by name, beside those of its planner.
+
+    Raises
+    ------
+    ConfigurationError
+        If a part of it does not exist in C; one line that names the key.
+    """
+    kind, guidance = configuration.tracker.kind, configuration.guidance
+    noisy = kind == "gp" and configuration.bearing_noise_deg > 0.0
+    if kind not in TRACKERS_IN_C or (noisy and getattr(configuration.tracker, "noise", None) is not None):
+        found = "gp for noisy bearings" if noisy else kind
+        raise ConfigurationError([f"--pilot: tracker.kind: found {found}; allowed: ekf, or gp for exact bearings"])
+    if not isinstance(guidance, PlannerGuidanceSection):
+        raise ConfigurationError([f"--pilot: guidance.kind: found {guidance.kind}; allowed: planner"])
+    current = getattr(configuration.vehicle, "current", "none")
+    if current != "none":
+        raise ConfigurationError([f"--pilot: vehicle.current: found {current}; allowed: none"])
+    try:
+        return pilot_files(build_pilot(configuration))
+    except ConfigurationError:
+        raise
+    except ValueError as fault:
+        raise ConfigurationError([f"--pilot: {fault}"]) from fault

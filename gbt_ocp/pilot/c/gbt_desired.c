@@ -1,0 +1,79 @@
+#include "gbt_desired.h"
+
+#include "gbt_bearing.h"
+#include "gbt_math.h"
+
+#define D GBT_DIMENSION
+
+/* Seconds of turning at a time: those forth less those back. */
+static double turned_at(const gbt_desired *desired, double time)
+{
+    if (!(desired->reverse > 0)) return time;
+    const double lap = 2 * desired->reverse;
+    double into = fmod(time - desired->leg_start, lap);
+    if (into < 0) into += lap;
+    return fmin(into, lap - into);
+}
+
+/* Seconds of turning since the last change of pace. */
+static double since(const gbt_desired *desired, double time)
+{
+    return turned_at(desired, time) - turned_at(desired, desired->changed);
+}
+
+void gbt_desired_pace(gbt_desired *desired, double time, double distance)
+{
+    const double asked = desired->rate * fmax(distance, 1e-9);
+    desired->turned += desired->pace * since(desired, time);
+    desired->changed = time;
+    desired->pace = asked > 0 ? fmin(1, desired->speed / asked) : 1;
+}
+
+/* Components of a direction in the plane of the circle. */
+static void plane_of(const gbt_desired *desired, const gbt_real *direction, double plane[2])
+{
+#if GBT_DIMENSION == 2
+    (void)desired;
+    for (int k = 0; k < 2; k++) plane[k] = (double)direction[k];
+#else
+    gbt_real basis[GBT_AXES][D];
+    gbt_tangent_basis(desired->axis, basis);
+    for (int k = 0; k < 2; k++) plane[k] = (double)gbt_dot(basis[k], direction);
+#endif
+}
+
+void gbt_desired_begin_at(gbt_desired *desired, double time, const gbt_real *bearing)
+{
+    double plane[2];
+    plane_of(desired, bearing, plane);
+    desired->phase = atan2(plane[1], plane[0]) - desired->rate * turned_at(desired, time);
+}
+
+void gbt_desired_reverse_from(gbt_desired *desired, double time, const gbt_real *line, const gbt_real *velocity)
+{
+    double along[2], across[2];
+    if (!(desired->reverse > 0)) return;
+    plane_of(desired, line, along);
+    plane_of(desired, velocity, across);
+    const int agrees = desired->rate * (along[0] * across[1] - along[1] * across[0]) >= 0;
+    desired->leg_start = agrees ? time : time - desired->reverse;
+    gbt_desired_begin_at(desired, time, line);
+}
+
+void gbt_desired_at(const gbt_desired *desired, double time, gbt_real *bearing)
+{
+    const int paced = desired->speed > 0;
+    const double turned = paced ? desired->turned + desired->pace * since(desired, time) : turned_at(desired, time);
+    const double angle = desired->phase + desired->rate * turned;
+    const gbt_real c = (gbt_real)cos(angle), s = (gbt_real)sin(angle);
+#if GBT_DIMENSION == 2
+    bearing[0] = c;
+    bearing[1] = s;
+#else
+    /* a circle of radius sqrt(6)/3 that is lifted to sqrt(3)/3 along the axis */
+    const gbt_real lift = (gbt_real)(sqrt(3.0) / 3.0), radius = (gbt_real)(sqrt(6.0) / 3.0);
+    gbt_real basis[GBT_AXES][D];
+    gbt_tangent_basis(desired->axis, basis);
+    for (int k = 0; k < D; k++) bearing[k] = lift * desired->axis[k] + radius * (c * basis[0][k] + s * basis[1][k]);
+#endif
+}

@@ -1,0 +1,49 @@
+/* The extended Kalman filter of constant velocity: tracking/filters/ekf.py in C, for measurements of all kinds. */
+#ifndef GBT_EKF_H
+#define GBT_EKF_H
+
+#include <stddef.h>
+
+#include "gbt_gaps.h"
+#include "gbt_polar_update.h"
+
+GBT_BEGIN_C
+
+typedef struct {
+    gbt_real process_noise; /* spectral density of the white acceleration, m^2/s^3 */
+    gbt_real bearing_std;   /* of an angle that does not state its deviation, rad */
+    gbt_real range;         /* at which the first bearing puts the target, m, */
+    gbt_real range_std;     /* and its deviation */
+    gbt_real speed_std;     /* of each component of the velocity at the start, m/s */
+    gbt_real log_size;      /* of the median size in m, and the deviation of the logarithm; read where GBT_SIZED is 1 */
+    gbt_real log_size_std;
+    int known;              /* 1: the position at the first measurement is known */
+    gbt_real known_mean[GBT_DIMENSION], known_covariance[GBT_DIMENSION][GBT_DIMENSION];
+} gbt_ekf_settings;
+
+typedef struct {
+    gbt_gaps gaps;
+    int begun;  /* whether there is a track, and the time of its last measurement */
+    double time;
+    int known;  /* whether its first position was known before the first measurement */
+    gbt_real start[GBT_DIMENSION]; /* of the vehicle: stands for the target's before that */
+    gbt_real mean[GBT_N], covariance[GBT_N][GBT_N];
+    gbt_own_velocities own;
+} gbt_ekf;
+
+/* Size of a gbt_ekf, for callers that do not see the struct. */
+size_t gbt_ekf_bytes(void);
+
+/* Nothing taken yet, with the vehicle at start, GBT_DIMENSION. */
+void gbt_ekf_begin(gbt_ekf *filter, const gbt_ekf_settings *settings, const gbt_real *start);
+
+/* Takes a measurement at or after the time of the last one; 0 where it refuses it. */
+int gbt_ekf_take(gbt_ekf *filter, const gbt_ekf_settings *settings, const gbt_sighting *sighting);
+
+/* Where the target is at a time, and the covariance of that: not a number before the first measurement. */
+void gbt_ekf_predict(const gbt_ekf *filter, const gbt_ekf_settings *settings, double time, gbt_real *mean,
+                     gbt_real *covariance);
+
+GBT_END_C
+
+#endif

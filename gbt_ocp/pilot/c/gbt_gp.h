@@ -1,0 +1,48 @@
+/* The Gaussian process on a window of exact bearings, tuned by likelihood (algorithm 1 of the paper): tracking/gp in C.
+
+   The posterior is computed where it is asked for; between measurements only the window and what was tuned are kept. */
+#ifndef GBT_GP_H
+#define GBT_GP_H
+
+#include <stddef.h>
+
+#include "gbt_gaps.h"
+#include "gbt_gp_likelihood.h"
+
+GBT_BEGIN_C
+
+typedef struct {
+    int on_vehicle; /* whether the prior mean is the vehicle's latest position, and not the origin */
+    gbt_tuning tuning;
+    int known; /* 1: the position at the first bearing is known, with axes of its covariance and deviations along them */
+    gbt_real known_mean[GBT_DIMENSION], known_axis[GBT_DIMENSION][GBT_DIMENSION], known_variance[GBT_DIMENSION];
+} gbt_gp_settings;
+
+typedef struct {
+    gbt_gaps gaps;
+    int count; /* samples in the window, the oldest first */
+    double time[GBT_WINDOW];
+    gbt_real bearing[GBT_WINDOW][GBT_DIMENSION], own[GBT_WINDOW][GBT_DIMENSION];
+    int known, begun;  /* whether the prior position still counts; whether there was a bearing */
+    double known_time; /* of the first bearing, to which that position belongs */
+    gbt_real start[GBT_DIMENSION], centre[GBT_DIMENSION]; /* of the vehicle at first; the prior mean */
+    gbt_real log_theta[GBT_TUNABLE];
+} gbt_gp;
+
+/* Size of a gbt_gp, for callers that do not see the struct. */
+size_t gbt_gp_bytes(void);
+
+/* Nothing taken yet, with the vehicle at start, GBT_DIMENSION. */
+void gbt_gp_begin(gbt_gp *process, const gbt_gp_settings *settings, const gbt_real *start);
+
+/* Takes a bearing, a unit vector, from an own position, GBT_DIMENSION each, after the time of the last one; 0 where that is
+   not so, or a number is not finite. */
+int gbt_gp_add(gbt_gp *process, const gbt_gp_settings *settings, double time, const gbt_real *bearing, const gbt_real *own);
+
+/* Where the target is at `count` times from `time` on, one every `period`: means and covariances one after the other. */
+void gbt_gp_predict(const gbt_gp *process, const gbt_gp_settings *settings, double time, double period, int count,
+                    gbt_real *mean, gbt_real *covariance);
+
+GBT_END_C
+
+#endif

@@ -1,0 +1,271 @@
+#include "gbt_gp_likelihood.h"
+
+#include "gbt_linalg.h"
+#include "gbt_math.h"
+
+#define R GBT_ROWS_OF_WINDOW
+#define P GBT_TUNABLE
+#define SLOPES (GBT_SHAPES + GBT_TUNED_NUGGET + 1) /* shapes, nugget, the rows' own variances */
+#define EVALUATIONS 40                             /* most expansions of the likelihood in one search */
+#define LONGEST_STEP ((gbt_real)2)                 /* largest change of a logarithm in one step */
+#define SMALLEST_FALL ((gbt_real)0.02)             /* of the gradient, over what was expected, that tells of curvature */
+#define GAIN ((gbt_real)1e-5)                      /* expected gain below which a search stops */
+#define LOG_TWO_PI ((gbt_real)1.8378770664093453)
+
+/* Value, gradient and Fisher information of likelihood times priors. */
+typedef struct {
+    gbt_real value, gradient[P], information[P][P];
+} expansion;
+
+int gbt_factor(gbt_real *matrix, int n, int columns)
+{
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) {
+            gbt_real *entry = &matrix[i * columns + j], rest = *entry;
+            if (j > i) {
+                *entry = 0;
+                continue;
+            }
+            for (int k = 0; k < j; k++) rest -= matrix[i * columns + k] * matrix[j * columns + k];
+            if (j == i && !(rest > 0 && isfinite(rest))) return 0;
+            *entry = j == i ? gbt_sqrt(rest) : rest / matrix[j * columns + j];
+        }
+    return 1;
+}
+
+static gbt_real nugget_of(const gbt_tuning *tuning, const gbt_real *log_theta)
+{
+    return GBT_TUNED_NUGGET ? gbt_exp(log_theta[P - 1]) : tuning->nugget;
+}
+
+void gbt_gp_covariance(const gbt_gp_rows *rows, const gbt_real *log_theta, gbt_real nugget, gbt_real omega[R][R])
+{
+    const gbt_real variance = gbt_exp(2 * log_theta[GBT_SHAPES]);
+    for (int i = 0; i < rows->rows; i++)
+        for (int j = 0; j <= i; j++) {
+            const gbt_real lag = (gbt_real)(rows->time[i] - rows->time[j]);
+            const gbt_real gram = gbt_dot(rows->direction[i], rows->direction[j]);
+            omega[i][j] = variance * gram * gbt_gp_kernel(lag, log_theta, 0);
+            if (i == j) omega[i][i] += variance * nugget + rows->variance[i];
+            omega[j][i] = omega[i][j];
+        }
+}
+
+/* The slopes of the covariance by the shapes, the nugget, and a factor on the rows' own variances. */
+static void slopes_of(const gbt_gp_rows *rows, const gbt_real *log_theta, gbt_real nugget, gbt_real slope[SLOPES][R][R])
+{
+    const gbt_real variance = gbt_exp(2 * log_theta[GBT_SHAPES]);
+    for (int i = 0; i < rows->rows; i++)
+        for (int j = 0; j <= i; j++) {
+            gbt_real shapes[GBT_SHAPES];
+            const gbt_real gram = variance * gbt_dot(rows->direction[i], rows->direction[j]);
+            gbt_gp_kernel((gbt_real)(rows->time[i] - rows->time[j]), log_theta, shapes);
+            for (int s = 0; s < SLOPES; s++)
+                slope[s][i][j] = slope[s][j][i] = s < GBT_SHAPES      ? gram * shapes[s]
+                                                  : i != j            ? 0
+                                                  : s == SLOPES - 1   ? rows->variance[i]
+                                                                      : variance * nugget;
+        }
+}
+
+/* The inverse of a lower factor. */
+static void invert_lower(gbt_real factor[R][R], int n, gbt_real inverse[R][R])
+{
+    for (int j = 0; j < n; j++)
+        for (int i = 0; i < n; i++) {
+            gbt_real rest = i == j;
+            for (int k = j; k < i; k++) rest -= factor[i][k] * inverse[k][j];
+            inverse[i][j] = i < j ? 0 : rest / factor[i][i];
+        }
+}
+
+/* a = L^-1 a L^-T, symmetric. */
+static void whiten(gbt_real inverse[R][R], int n, gbt_real a[R][R], gbt_real spare[R][R])
+{
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) {
+            spare[i][j] = 0;
+            for (int k = 0; k <= i; k++) spare[i][j] += inverse[i][k] * a[k][j];
+        }
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j <= i; j++) {
+            gbt_real sum = 0;
+            for (int k = 0; k <= j; k++) sum += spare[i][k] * inverse[j][k];
+            a[i][j] = a[j][i] = sum;
+        }
+}
+
+/* How log theta turns what is expanded (shapes, nugget, own variances, the logarithm of a factor on all): the amplitude
+   scales all of the covariance but the rows' own variances. */
+static gbt_real turn_of(int parameter, int expanded)
+{
+    if (parameter < GBT_SHAPES) return parameter == expanded;
+    if (parameter == GBT_SHAPES) return expanded == SLOPES ? 2 : expanded == SLOPES - 1 ? -2 : 0;
+    return expanded == GBT_SHAPES;
+}
+
+/* 0 where the covariance has no Cholesky factor. */
+static int expand(const gbt_tuning *tuning, const gbt_gp_rows *rows, const gbt_real *log_theta, expansion *out)
+{
+    enum { Q = SLOPES + 1 };
+    gbt_real factor[R][R], inverse[R][R], slope[SLOPES][R][R], weights[R], gradient[Q], information[Q][Q];
+    const int n = rows->rows;
+    const gbt_real nugget = nugget_of(tuning, log_theta);
+    gbt_real square = 0;
+    gbt_gp_covariance(rows, log_theta, nugget, factor);
+    if (!gbt_factor(&factor[0][0], n, R)) return 0;
+    invert_lower(factor, n, inverse);
+    out->value = (gbt_real)-0.5 * (gbt_real)n * LOG_TWO_PI;
+    for (int i = 0; i < n; i++) {
+        gbt_real whitened = 0;
+        for (int k = 0; k <= i; k++) whitened += inverse[i][k] * rows->value[k];
+        square += whitened * whitened;
+        weights[i] = whitened;
+        out->value -= gbt_log(factor[i][i]);
+    }
+    out->value -= square / 2;
+    for (int i = 0; i < n; i++) {
+        gbt_real sum = 0;
+        for (int k = i; k < n; k++) sum += inverse[k][i] * weights[k];
+        weights[i] = sum;
+    }
+    slopes_of(rows, log_theta, nugget, slope);
+    for (int s = 0; s < SLOPES; s++) {
+        gbt_real along = 0, trace = 0;
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < n; j++) along += weights[i] * slope[s][i][j] * weights[j];
+        whiten(inverse, n, slope[s], factor);
+        for (int i = 0; i < n; i++) trace += slope[s][i][i];
+        gradient[s] = (along - trace) / 2;
+        information[s][Q - 1] = information[Q - 1][s] = trace / 2;
+        for (int q = 0; q <= s; q++) {
+            gbt_real sum = 0;
+            for (int i = 0; i < n; i++)
+                for (int j = 0; j < n; j++) sum += slope[s][i][j] * slope[q][i][j];
+            information[s][q] = information[q][s] = sum / 2;
+        }
+    }
+    gradient[Q - 1] = (square - (gbt_real)n) / 2;
+    information[Q - 1][Q - 1] = (gbt_real)n / 2;
+    for (int p = 0; p < P; p++) {
+        out->gradient[p] = 0;
+        for (int a = 0; a < Q; a++) out->gradient[p] += turn_of(p, a) * gradient[a];
+        for (int q = 0; q < P; q++) {
+            out->information[p][q] = 0;
+            for (int a = 0; a < Q; a++)
+                for (int b = 0; b < Q; b++) out->information[p][q] += turn_of(p, a) * information[a][b] * turn_of(q, b);
+        }
+        if (!(tuning->spread[p] > 0)) continue;
+        const gbt_real excess = (log_theta[p] - tuning->median[p]) / tuning->spread[p];
+        out->value -= excess * excess / 2;
+        out->gradient[p] -= excess / tuning->spread[p];
+        out->information[p][p] += 1 / (tuning->spread[p] * tuning->spread[p]);
+    }
+    return 1;
+}
+
+/* The damped step of the free parameters, as far as a quadratic in the logarithms can be trusted; zero in the others.
+   Returns the gain that is expected of it. */
+static gbt_real scoring_step(gbt_real information[P][P], const gbt_real *gradient, const int *free, gbt_real damping,
+                             gbt_real *step)
+{
+    gbt_real curvature[P * P], found[P], largest = 0, longest = 0, gain = 0;
+    int count = 0, place[P];
+    for (int p = 0; p < P; p++)
+        if (free[p]) place[count++] = p;
+    for (int a = 0; a < count; a++) {
+        found[a] = gradient[place[a]];
+        for (int b = 0; b < count; b++) {
+            const gbt_real entry = curvature[a * count + b] = information[place[a]][place[b]];
+            if ((a == 0 && b == 0) || entry > largest) largest = entry;
+        }
+    }
+    for (int a = 0; a < count; a++) curvature[a * (count + 1)] += damping + (gbt_real)1e-9 * (1 + largest);
+    if (!gbt_solve_square(curvature, count, found, 1))
+        for (int a = 0; a < count; a++) found[a] = 0;
+    for (int p = 0; p < P; p++) step[p] = 0;
+    for (int a = 0; a < count; a++) longest = gbt_fmax(longest, gbt_fabs(found[a]));
+    for (int a = 0; a < count; a++) {
+        step[place[a]] = longest <= LONGEST_STEP ? found[a] : found[a] * (LONGEST_STEP / longest);
+        gain += gradient[place[a]] * step[place[a]];
+    }
+    return gain;
+}
+
+/* What to add to the Fisher information for it to explain how the gradient fell along the last step: the update of
+   Broyden, Fletcher, Goldfarb and Shanno. Zero where the gradient did not fall. */
+static void correct(gbt_real correction[P][P], gbt_real information[P][P], const gbt_real *step, const gbt_real *fall)
+{
+    gbt_real expected[P], known = 0, found = 0;
+    for (int p = 0; p < P; p++) {
+        expected[p] = 0;
+        for (int q = 0; q < P; q++) expected[p] += (information[p][q] + correction[p][q]) * step[q];
+    }
+    for (int p = 0; p < P; p++) {
+        known += step[p] * expected[p];
+        found += step[p] * fall[p];
+    }
+    const int fell = found > SMALLEST_FALL * known && SMALLEST_FALL * known > 0;
+    for (int p = 0; p < P; p++)
+        for (int q = 0; q < P; q++)
+            correction[p][q] =
+                fell ? correction[p][q] + fall[p] * (fall[q] / found) - expected[p] * (expected[q] / known) : 0;
+}
+
+/* The log theta that maximises likelihood times priors within bounds, from a start, by Fisher scoring. */
+static void maximise(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_real *theta)
+{
+    expansion here, there;
+    gbt_real damping = 0, correction[P][P] = {{0}}, sum[P][P], step[P], trial[P], fall[P];
+    for (int p = 0; p < P; p++) theta[p] = gbt_fmin(gbt_fmax(theta[p], tuning->low[p]), tuning->high[p]);
+    if (!expand(tuning, rows, theta, &here)) return;
+    for (int k = 0; k < EVALUATIONS; k++) {
+        int free[P], some = 0;
+        gbt_real steepest = 0;
+        for (int p = 0; p < P; p++) {
+            /* what the gradient would push through its bound stays there */
+            free[p] = tuning->high[p] > tuning->low[p] && (theta[p] > tuning->low[p] || here.gradient[p] > 0) &&
+                      (theta[p] < tuning->high[p] || here.gradient[p] < 0);
+            some = some || free[p];
+            if (free[p]) steepest = gbt_fmax(steepest, here.information[p][p]);
+            for (int q = 0; q < P; q++) sum[p][q] = here.information[p][q] + correction[p][q];
+        }
+        if (!some) return;
+        /* the Fisher information has the last word: a correction from few steps may be wrong elsewhere */
+        if (scoring_step(sum, here.gradient, free, damping, step) < GAIN &&
+            scoring_step(here.information, here.gradient, free, damping, step) < GAIN)
+            return;
+        for (int p = 0; p < P; p++) trial[p] = gbt_fmin(gbt_fmax(theta[p] + step[p], tuning->low[p]), tuning->high[p]);
+        if (expand(tuning, rows, trial, &there) && there.value > here.value) {
+            for (int p = 0; p < P; p++) {
+                step[p] = trial[p] - theta[p];
+                fall[p] = here.gradient[p] - there.gradient[p];
+                theta[p] = trial[p];
+            }
+            correct(correction, there.information, step, fall);
+            damping = damping > (gbt_real)1e-3 ? damping / 4 : 0;
+            here = there;
+        } else {
+            for (int p = 0; p < P; p++)
+                for (int q = 0; q < P; q++) correction[p][q] = 0;
+            damping = gbt_fmax(4 * damping, (gbt_real)0.3 * steepest);
+        }
+    }
+}
+
+void gbt_gp_tune(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_real *log_theta)
+{
+    gbt_real smooth[P];
+    expansion here, there;
+    int some = 0;
+    for (int p = 0; p < P; p++) some = some || tuning->high[p] > tuning->low[p];
+    if (!some) return;
+    maximise(tuning, rows, log_theta);
+    if (!GBT_TUNED_NUGGET || log_theta[0] > tuning->suspect) return;
+    /* Noise can be taken for a motion that jitters, and no local search leaves that: try the other start too. */
+    for (int p = 0; p < P; p++) smooth[p] = tuning->smooth[p];
+    maximise(tuning, rows, smooth);
+    if (!expand(tuning, rows, smooth, &there)) return;
+    if (expand(tuning, rows, log_theta, &here) && here.value >= there.value) return;
+    for (int p = 0; p < P; p++) log_theta[p] = smooth[p];
+}

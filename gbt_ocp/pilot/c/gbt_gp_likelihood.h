@@ -1,0 +1,42 @@
+/* Log likelihood of the measurements of a window, and its maximisation: tracking/gp/likelihood.py and tuning.py in C. */
+#ifndef GBT_GP_LIKELIHOOD_H
+#define GBT_GP_LIKELIHOOD_H
+
+#include "gbt_bearing.h"
+#include "gbt_gp_kernel.h"
+
+GBT_BEGIN_C
+
+#define GBT_ROWS_OF_WINDOW (GBT_WINDOW * GBT_AXES + GBT_DIMENSION) /* two bearings in space have two rows; and the prior */
+#define GBT_TUNABLE (GBT_SHAPES + 1 + GBT_TUNED_NUGGET) /* logarithms: the kernel's parameters, amplitude(, nugget) */
+
+/* What a window says: rows direction . position = value + noise. */
+typedef struct {
+    int rows, noisy; /* noisy: whether a row has a variance of its own */
+    double time[GBT_ROWS_OF_WINDOW];
+    gbt_real direction[GBT_ROWS_OF_WINDOW][GBT_DIMENSION];
+    gbt_real value[GBT_ROWS_OF_WINDOW]; /* relative to the prior mean */
+    gbt_real variance[GBT_ROWS_OF_WINDOW];
+} gbt_gp_rows;
+
+typedef struct {
+    gbt_real nugget; /* where it is not tuned */
+    gbt_real low[GBT_TUNABLE], high[GBT_TUNABLE];      /* bounds of the logarithms */
+    gbt_real median[GBT_TUNABLE], spread[GBT_TUNABLE]; /* their priors; a spread of 0: none */
+    gbt_real first[GBT_TUNABLE], smooth[GBT_TUNABLE];  /* where a search begins, and one for a smooth motion with noise */
+    gbt_real suspect; /* logarithm of the length scale below which it is suspected of telling noise */
+} gbt_tuning;
+
+/* The lower Cholesky factor of a matrix of n rows with so many columns, in its place; 0 if there is none. */
+int gbt_factor(gbt_real *matrix, int n, int columns);
+
+/* The covariance of the rows under log theta, with the nugget that belongs to it. */
+void gbt_gp_covariance(const gbt_gp_rows *rows, const gbt_real *log_theta, gbt_real nugget,
+                       gbt_real omega[GBT_ROWS_OF_WINDOW][GBT_ROWS_OF_WINDOW]);
+
+/* From the last log theta to that of the largest likelihood near it, or of a smooth motion with noise. */
+void gbt_gp_tune(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_real *log_theta);
+
+GBT_END_C
+
+#endif

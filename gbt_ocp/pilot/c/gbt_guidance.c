@@ -1,0 +1,103 @@
+#include "gbt_guidance.h"
+
+#include "gbt_bearing.h"
+#include "gbt_math.h"
+
+#define D GBT_DIMENSION
+#define ON_SCHEDULE 1e-6 /* deviation in seconds up to which a step counts as one on time */
+
+void gbt_guidance_begin(gbt_guidance *guidance)
+{
+    const gbt_pilot_settings *numbers = &gbt_pilot_numbers;
+    gbt_plan_init(&guidance->planner);
+    gbt_follow_init(&guidance->follower, numbers->follow_bandwidth);
+    gbt_startup_init(&guidance->startup, numbers->axis, numbers->startup_deviation, numbers->startup_speed,
+                     numbers->startup_opening, numbers->startup_leg, (gbt_real)numbers->period);
+    guidance->desired.rate = numbers->desired_rate;
+    guidance->desired.phase = numbers->desired_phase;
+    guidance->desired.reverse = numbers->desired_reverse;
+    guidance->desired.leg_start = numbers->desired_leg_start;
+    for (int k = 0; k < 3; k++) guidance->desired.axis[k] = numbers->desired_axis[k];
+    guidance->desired.speed = numbers->desired_speed;
+    guidance->desired.changed = guidance->desired.turned = 0;
+    guidance->desired.pace = 1;
+    guidance->planned = guidance->legs_begun = 0;
+    guidance->planned_at = guidance->elapsed = 0;
+    for (int i = 0; i < GBT_INPUTS; i++) guidance->thrust[i] = 0;
+}
+
+/* Seconds since the last plan; whether they are less than a piece. */
+static int elapsed(const gbt_guidance *guidance, double time, double *seconds)
+{
+    const double since = time - guidance->planned_at, period = (double)GBT_PERIOD;
+    const double count = rint(since * GBT_STEPS / period), on_time = count * period / GBT_STEPS;
+    *seconds = fabs(since - on_time) <= ON_SCHEDULE ? on_time : since;
+    return count < GBT_STEPS;
+}
+
+/* Turns the desired bearing to where a plan begins: at the pace that the range allows, or on at the line of sight. */
+static void prepare_desired(gbt_guidance *guidance, double time, gbt_real flat[GBT_JOINED][GBT_FLAT],
+                            const gbt_forecast *forecast)
+{
+    const int next = GBT_STRIDE < GBT_AHEAD ? GBT_STRIDE : GBT_AHEAD;
+    gbt_real line[D], velocity[D];
+    for (int k = 0; k < D; k++) {
+        line[k] = forecast->mean[0][k] - flat[0][k];
+        velocity[k] = (forecast->mean[next][k] - forecast->mean[0][k]) / GBT_PERIOD - flat[1][k];
+    }
+    if (gbt_pilot_numbers.desired_speed > 0) {
+        gbt_desired_pace(&guidance->desired, time, (double)gbt_length(line));
+    } else if (gbt_pilot_numbers.begin_at_sight) {
+        if (!guidance->legs_begun) gbt_desired_reverse_from(&guidance->desired, time, line, velocity);
+        guidance->legs_begun = 1;
+        gbt_desired_begin_at(&guidance->desired, time, line);
+    }
+}
+
+/* An estimator without a covariance is taken at its word. */
+static gbt_real known(gbt_real variance) { return isnan(variance) ? 0 : variance; }
+
+static gbt_decision plan(gbt_guidance *guidance, double time, gbt_real flat[GBT_JOINED][GBT_FLAT],
+                         const gbt_forecast *forecast)
+{
+    enum { BOUNDARIES = GBT_PIECES + GBT_PRESENT };
+    gbt_real mean[BOUNDARIES][D], covariance[BOUNDARIES][D][D], desired[GBT_PIECES][D];
+    if (guidance->planned && elapsed(guidance, time, &guidance->elapsed)) return GBT_DECIDED_FOLLOW;
+    prepare_desired(guidance, time, flat, forecast);
+    for (int i = 0; i < BOUNDARIES; i++) {
+        const int place = (i + 1 - GBT_PRESENT) * GBT_STRIDE;
+        for (int p = 0; p < D; p++) {
+            mean[i][p] = forecast->mean[place][p];
+            for (int q = 0; q < D; q++) covariance[i][p][q] = known(forecast->covariance[place][p][q]);
+        }
+    }
+    for (int i = 0; i < GBT_PIECES; i++)
+        gbt_desired_at(&guidance->desired, time + (double)GBT_PERIOD * (i + 1), desired[i]);
+    gbt_plan(&guidance->planner, &flat[0][0], &mean[0][0], &covariance[0][0][0], &desired[0][0], &guidance->plan);
+    if (guidance->plan.origin == GBT_NO_PLAN) return GBT_DECIDED_NOTHING;
+    gbt_follow_plan(&guidance->follower, &flat[0][0], &guidance->plan.top[0][0]);
+    guidance->planned = 1;
+    guidance->planned_at = time;
+    guidance->elapsed = 0;
+    return GBT_DECIDED_PLAN;
+}
+
+gbt_decision gbt_guidance_decide(gbt_guidance *guidance, double time, gbt_real flat[GBT_JOINED][GBT_FLAT],
+                                 const gbt_forecast *forecast)
+{
+    if (gbt_pilot_numbers.startup_deviation > 0) {
+        gbt_real covariance[D][D];
+        for (int p = 0; p < D; p++)
+            for (int q = 0; q < D; q++) covariance[p][q] = known(forecast->covariance[0][p][q]);
+        switch (gbt_startup_step(&guidance->startup, (gbt_real)time, flat[0], flat[1], forecast->mean[0],
+                                 &covariance[0][0], guidance->thrust)) {
+        case GBT_STARTUP_CROSS: return GBT_DECIDED_CROSS;
+        case GBT_STARTUP_NOT_FINITE: return GBT_DECIDED_NOTHING;
+        case GBT_STARTUP_RESTART:
+            guidance->planned = guidance->legs_begun = guidance->planner.warm = 0;
+            break;
+        case GBT_STARTUP_PLAN: break;
+        }
+    }
+    return plan(guidance, time, flat, forecast);
+}

@@ -1,0 +1,42 @@
+/* What the vehicle is to do: cross the line of sight while the range is not known, else follow a plan. PlannedMotion of
+   guidance/planned.py and CrossFirst of guidance/startup.py in C. */
+#ifndef GBT_GUIDANCE_H
+#define GBT_GUIDANCE_H
+
+#include "gbt_desired.h"
+#include "gbt_follow.h"
+#include "gbt_forecast.h"
+#include "gbt_plan.h"
+#include "gbt_startup.h"
+
+GBT_BEGIN_C
+
+typedef enum {
+    GBT_DECIDED_PLAN = 0,     /* a plan was made */
+    GBT_DECIDED_FOLLOW = 1,   /* the plan of an earlier step is followed on */
+    GBT_DECIDED_CROSS = 2,    /* the thrust crosses the line of sight */
+    GBT_DECIDED_NOTHING = 3   /* numbers so large that no plan is finite; nothing was done */
+} gbt_decision;
+
+typedef struct {
+    gbt_planner planner;
+    gbt_plan_result plan;  /* the last one that was made */
+    gbt_follower follower; /* has taken it */
+    gbt_desired desired;
+    gbt_startup startup;
+    int planned;           /* whether there is a plan to follow on */
+    double planned_at;     /* when it was made */
+    double elapsed;        /* seconds of it that lay behind at the last decision */
+    int legs_begun;
+    gbt_real thrust[GBT_INPUTS]; /* that crosses */
+} gbt_guidance;
+
+void gbt_guidance_begin(gbt_guidance *guidance);
+
+/* What to do from a time on, from the derivatives of the flat output, GBT_JOINED x GBT_FLAT. */
+gbt_decision gbt_guidance_decide(gbt_guidance *guidance, double time, gbt_real flat[GBT_JOINED][GBT_FLAT],
+                                 const gbt_forecast *forecast);
+
+GBT_END_C
+
+#endif

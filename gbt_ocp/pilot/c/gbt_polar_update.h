@@ -1,0 +1,29 @@
+/* The update of a filter in the direction, the log range, and velocities over the range: the same as
+   tracking/filters/polar_update.py, which says why. */
+#ifndef GBT_POLAR_UPDATE_H
+#define GBT_POLAR_UPDATE_H
+
+#include "gbt_kalman.h"
+#include "gbt_polar.h"
+
+GBT_BEGIN_C
+
+/* Velocities of sensors, from where they were at their measurements. */
+typedef struct {
+    int seen[GBT_SENSORS];
+    double time[GBT_SENSORS];
+    gbt_real position[GBT_SENSORS][GBT_DIMENSION];
+    gbt_real velocity[GBT_DIMENSION]; /* of the sensor that measured last, 0 before one has measured twice */
+} gbt_own_velocities;
+
+/* Takes note of where a sensor was; `velocity` is then the one to update with. */
+void gbt_own_velocity(gbt_own_velocities *own, const gbt_sighting *sighting);
+
+/* Conditions a state on the rows of a measurement, made at its position. own and own_velocity are the sensor's; the
+   velocity chooses the coordinates and is no measurement. 0, and the state as it was, where that has no inverse. */
+int gbt_polar_update(gbt_real mean[GBT_N], gbt_real covariance[GBT_N][GBT_N], const gbt_polar_rows *rows,
+                     const gbt_real *own, const gbt_real *own_velocity);
+
+GBT_END_C
+
+#endif

@@ -1,0 +1,44 @@
+/* The tracker of this pilot, under names that do not say which: the Gaussian process for exact bearings. */
+#ifndef GBT_TRACKER_H
+#define GBT_TRACKER_H
+
+#include "gbt_forecast.h"
+#include "gbt_sighting.h"
+
+#include "gbt_gp.h"
+
+GBT_BEGIN_C
+
+typedef gbt_gp gbt_tracker;
+extern const gbt_gp_settings gbt_tracker_settings; /* generated, in gbt_pilot_settings.c */
+
+/* Nothing taken yet, with the vehicle at start, GBT_DIMENSION. */
+static inline void gbt_tracker_begin(gbt_tracker *tracker, const gbt_real *start)
+{
+    gbt_gp_begin(tracker, &gbt_tracker_settings, start);
+}
+
+/* Takes a measurement; 0 where it refuses it. */
+static inline int gbt_tracker_take(gbt_tracker *tracker, const gbt_sighting *sighting)
+{
+    gbt_real bearing[GBT_DIMENSION];
+    if (!gbt_is_bearing(sighting)) return 0;
+    gbt_unit_of_angles(sighting->value, bearing);
+    return gbt_gp_add(tracker, &gbt_tracker_settings, sighting->time, bearing, sighting->position);
+}
+
+/* The forecast from a time on. */
+static inline void gbt_tracker_predict(const gbt_tracker *tracker, double time, gbt_forecast *forecast)
+{
+    const double period = gbt_pilot_numbers.forecast_period;
+    forecast->time = time;
+    gbt_gp_predict(tracker, &gbt_tracker_settings, time, period, GBT_AHEAD + 1, forecast->mean[0],
+                   forecast->covariance[0][0]);
+}
+
+/* How often a new track has begun after a gap. */
+static inline int gbt_new_tracks(const gbt_tracker *tracker) { return tracker->gaps.count; }
+
+GBT_END_C
+
+#endif

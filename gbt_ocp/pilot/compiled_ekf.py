@@ -1,0 +1,187 @@
+"""The extended Kalman filter that generated pilots have, in the place of the one in numpy."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gbt_ocp.models.measurements import MeasurementKind, Sighting
+from gbt_ocp.ocp.codegen.library import kernel_files, load_library
+from gbt_ocp.pilot.pilot_source import UNLISTED
+from gbt_ocp.pilot.tracker_source import pilot_texts
+from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
+from gbt_ocp.tracking.filters.motion_models import size_estimate
+from gbt_ocp.tracking.polar import checked_sighting, is_bearing
+from gbt_ocp.tracking.priors import LogNormal
+from gbt_ocp.tracking.protocol import Forecast
+from gbt_ocp.tracking.window import checked_sample
+from gbt_ocp.typing import Array
+
+KINDS_IN_C: tuple[MeasurementKind, ...] = ("azimuth", "azimuth_elevation", "elevation", "range", "size", "position")
+"""Kinds of measurements by their numbers in C."""
+
+_PARTS = (
+    *("gbt_bearing", "gbt_linalg", "gbt_sighting", "gbt_kalman", "gbt_polar", "gbt_polar_update", "gbt_gaps"),
+    *("gbt_forecast", "gbt_ekf"),
+)
+_OF_KERNEL = ("gbt_real.h", "gbt_math.h", "gbt_identity.h")
+
+
+class CompiledExtendedKalmanFilter(ExtendedKalmanFilter):
+    """:class:`~gbt_ocp.tracking.filters.ekf.ExtendedKalmanFilter` whose numbers are those of the C of a pilot.
+
+    The library is compiled once and kept in the user's cache. Sensors have numbers in the order in which they come, of
+    which there are eight; those beyond share the last.
+
+    Parameters
+    ----------
+    guess, process_noise, bearing_std, size
+        As for the filter in numpy.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of range.
+    gbt_ocp.ocp.codegen.library.CompilerError
+        If there is no working C compiler.
+    """
+
+    takes_unstated = True
+
+    def __init__(
+        self, guess: FirstGuess, *, process_noise: float, bearing_std: float, size: LogNormal | None = None
+    ) -> None:
+        d = len(guess.prior.start)
+        self._library = _library(d, size is not None)
+        self._numbers = _settings(d, guess, process_noise, bearing_std, size)
+        self._memory = np.zeros(self._library.gbt_ekf_bytes() // 8 + 1)
+        self._sensors: dict[str, int] = {}
+        super().__init__(guess, process_noise=process_noise, bearing_std=bearing_std, size=size)
+
+    def _begin(self, guess: FirstGuess) -> None:
+        super()._begin(guess)
+        self._call("begin", np.array(guess.prior.start, dtype=float))
+
+    def _call(self, name: str, *arrays: Any) -> int:
+        """A function of the library on the memory and the settings."""
+        given = [ctypes.c_void_p(one.ctypes.data) if isinstance(one, np.ndarray) else one for one in arrays]
+        memory, numbers = (ctypes.c_void_p(one.ctypes.data) for one in (self._memory, self._numbers))
+        return int(getattr(self._library, f"gbt_ekf_{name}")(memory, numbers, *given) or 0)
+
+    @property
+    def _state(self) -> Any:
+        """The memory as the struct of C."""
+        return _structures(len(self._guess.prior.start), self._size_prior is not None)[1].from_buffer(self._memory)
+
+    @property
+    def new_tracks(self) -> int:
+        """How often a gap of more than ten windows has ended and a new track has begun."""
+        return int(self._state.count)
+
+    @property
+    def size(self) -> LogNormal | None:
+        """What is known of the target's true size in metres; ``None`` where it is not estimated."""
+        state = self._state
+        mean = np.array(state.mean)
+        covariance = np.array(state.covariance).reshape(len(mean), len(mean))
+        return size_estimate(self._size_prior, mean, covariance) if state.begun else self._size_prior
+
+    def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
+        """As :meth:`ExtendedKalmanFilter.update`."""
+        state = self._state
+        direction, own = checked_sample(time, bearing, own_position, state.time if state.begun else None)
+        self._taken(Sighting.of_bearing(float(time), direction, own))
+
+    def take(self, sighting: Sighting) -> None:
+        """As :meth:`ExtendedKalmanFilter.take`."""
+        state = self._state
+        d = len(self._guess.prior.start)
+        checked_sighting(sighting, self.takes, "ekf", d, state.time if state.begun else None)
+        unstated = is_bearing(sighting) and bool(np.all(np.isnan(sighting.std)))
+        if unstated and state.begun and not sighting.time > state.time:
+            raise ValueError(f"time must increase, found {sighting.time} after {state.time}")
+        if not state.begun:
+            self._guess.sighted(sighting, self._deviation)
+        self._taken(sighting)
+
+    def _taken(self, sighting: Sighting) -> None:
+        d = sighting.position.size
+        stated = not bool(np.all(np.isnan(sighting.std)))
+        given = _structures(d, self._size_prior is not None)[2](
+            time=sighting.time,
+            kind=KINDS_IN_C.index(sighting.kind),
+            sensor=self._sensors.setdefault(sighting.sensor, min(len(self._sensors), UNLISTED - 1)),
+            stated=stated,
+        )
+        given.value[: sighting.value.size] = sighting.value.tolist()
+        given.std[: sighting.std.size] = np.nan_to_num(sighting.std).tolist()
+        given.position[:] = sighting.position.tolist()
+        if not self._call("take", ctypes.byref(given)):
+            raise ValueError(f"measurement: found one of kind '{sighting.kind}' that leaves no track; allowed: others")
+
+    def predict(self, times: ArrayLike) -> Forecast:
+        """As :meth:`ExtendedKalmanFilter.predict`."""
+        asked = np.asarray(times, dtype=float)
+        d = len(self._guess.prior.start)
+        mean, covariance = np.empty((len(asked), d)), np.empty((len(asked), d, d))
+        for place, time in enumerate(asked):
+            self._call("predict", ctypes.c_double(float(time)), mean[place], covariance[place])
+        return Forecast(mean, covariance)
+
+
+def _structures(d: int, sized: bool) -> tuple[Any, Any, Any]:
+    """The structs of C: settings, the beginning of a filter, a measurement."""
+    key = (d, sized)
+    if key not in _KNOWN:
+        number, whole, n = ctypes.c_double, ctypes.c_int, 2 * d + sized
+        names = ("process_noise", "bearing_std", "range", "range_std", "speed_std", "log_size", "log_size_std")
+        places = [("known_mean", number * d), ("known_covariance", number * (d * d))]
+        settings = [*((name, number) for name in names), ("known", whole), *places]
+        gaps = [(name, number) for name in ("span", "measurements", "unknown", "began", "latest")]
+        state = [("count", whole), *gaps, ("taken", whole), ("_fill", whole), ("begun", whole), ("time", number)]
+        state += [("known", whole), ("start", number * d), ("mean", number * n), ("covariance", number * (n * n))]
+        sighting = [("time", number), *((name, whole) for name in ("kind", "sensor", "stated"))]
+        sighting += [(name, number * d) for name in ("value", "std", "position")]
+        kinds = (("Settings", settings), ("State", state), ("Sighting", sighting))
+        made = [type(name, (ctypes.Structure,), {"_fields_": fields}) for name, fields in kinds]
+        _KNOWN[key] = (made[0], made[1], made[2])
+    return _KNOWN[key]
+
+
+_KNOWN: dict[tuple[int, bool], tuple[Any, Any, Any]] = {}
+
+
+def _settings(d: int, guess: FirstGuess, process_noise: float, bearing_std: float, size: LogNormal | None) -> Array:
+    """The settings as C reads them, byte by byte."""
+    known = guess.prior.known
+    made = _structures(d, size is not None)[0](
+        process_noise=process_noise,
+        bearing_std=bearing_std,
+        range=guess.prior.range,
+        range_std=guess.range_std,
+        speed_std=guess.speed_std,
+        log_size=0.0 if size is None else math.log(size.median),
+        log_size_std=1.0 if size is None else size.log_std,
+        known=known is not None,
+    )
+    if known is not None:
+        made.known_mean[:], made.known_covariance[:] = known[0].tolist(), known[1].ravel().tolist()
+    return np.frombuffer(bytes(made), dtype=float).copy()
+
+
+def _library(d: int, sized: bool) -> ctypes.CDLL:
+    """The filter by itself."""
+    shared, texts = kernel_files(), pilot_texts()
+    sources = {name: shared[name] for name in _OF_KERNEL}
+    sources |= {name: text for name, text in texts.items() if name.rpartition(".")[0] in _PARTS}
+    include = '#include "gbt_real.h"\n'
+    sources["gbt_problem.h"] = f"{include}#define GBT_DIMENSION {d}\n"
+    sources["gbt_pilot_settings.h"] = f"{include}#define GBT_SIZED {int(sized)}\n#define GBT_SENSORS {UNLISTED}\n"
+    library = load_library(sources)
+    library.gbt_ekf_bytes.restype = ctypes.c_size_t
+    library.gbt_ekf_predict.restype = library.gbt_ekf_begin.restype = None
+    return library

@@ -1,0 +1,116 @@
+"""The Gaussian process that generated pilots have, in the place of the one in numpy."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gbt_ocp.ocp.codegen.library import kernel_files, load_library
+from gbt_ocp.pilot.tracker_source import pilot_texts, tracker_in_c
+from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
+from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.protocol import Forecast
+from gbt_ocp.tracking.window import Measurements
+from gbt_ocp.typing import Array
+
+_UNITS = ("gbt_bearing", "gbt_linalg", "gbt_gaps", "gbt_gp", "gbt_gp_kernel", "gbt_gp_likelihood")
+_HEADERS = ("gbt_real.h", "gbt_math.h", "gbt_identity.h")
+
+
+class CompiledGaussianProcessTracker(GaussianProcessTracker):
+    """:class:`~gbt_ocp.tracking.gp.gp.GaussianProcessTracker` that is tuned, and predicts, by the C of a pilot.
+
+    The window is kept on both sides; what is reported of the posterior beside forecasts comes from numpy. The library
+    is compiled once and kept in the user's cache.
+
+    Parameters
+    ----------
+    dimension, window, kernel, centre, length_scale, amplitude, nugget, prior, breaks
+        As for the tracker in numpy.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of range, or the window is to be cut at breaks.
+    gbt_ocp.ocp.codegen.library.CompilerError
+        If there is no working C compiler.
+    """
+
+    def __init__(
+        self,
+        dimension: int,
+        *,
+        window: int = 20,
+        kernel: str = "se",
+        centre: Literal["origin", "vehicle"] = "vehicle",
+        length_scale: float | None = None,
+        amplitude: float | None = None,
+        nugget: float | None = None,
+        prior: PositionPrior | None = None,
+        breaks: bool = False,
+    ) -> None:
+        self._memory = np.zeros(0)
+        super().__init__(
+            dimension,
+            window=window,
+            kernel=kernel,
+            centre=centre,
+            length_scale=length_scale,
+            amplitude=amplitude,
+            nugget=nugget,
+            prior=prior,
+            breaks=breaks,
+        )
+        made = tracker_in_c(self)
+        shared, texts = kernel_files(), pilot_texts()
+        sources = {name: shared[name] for name in _HEADERS}
+        sources |= {name: text for name, text in texts.items() if name.rpartition(".")[0] in _UNITS}
+        include = '#include "gbt_real.h"\n'
+        sizes = "".join(f"#define GBT_{name} {value}\n" for name, value in made.sizes.items())
+        sources["gbt_problem.h"] = f"{include}#define GBT_DIMENSION {dimension}\n"
+        sources["gbt_pilot_settings.h"] = f"{include}{sizes}"
+        self._library = load_library(sources)
+        self._library.gbt_gp_bytes.restype = ctypes.c_size_t
+        self._library.gbt_gp_begin.restype = self._library.gbt_gp_predict.restype = None
+        self._numbers = _flat(made.settings)
+        self._memory = np.zeros(self._library.gbt_gp_bytes() // 8)
+        self._call("begin", self._prior.start)
+
+    def _call(self, name: str, *given: Any) -> None:
+        """A function of the library on the memory and the settings."""
+        kept = [np.ascontiguousarray(one, dtype=float) if isinstance(one, np.ndarray) else one for one in given]
+        arrays = [ctypes.c_void_p(one.ctypes.data) if isinstance(one, np.ndarray) else one for one in kept]
+        memory, numbers = (ctypes.c_void_p(one.ctypes.data) for one in (self._memory, self._numbers))
+        getattr(self._library, f"gbt_gp_{name}")(memory, numbers, *arrays)
+
+    def _tune(self, measurements: Measurements) -> None:
+        time, bearing, own = self.window.latest
+        self._call("add", ctypes.c_double(time), bearing, own)
+        # the last numbers of the memory
+        self._tuning.found(self._memory[-len(self._tuning.search[2]) :].copy())
+
+    def predict(self, times: ArrayLike) -> Forecast:
+        """As :meth:`GaussianProcessTracker.predict`."""
+        asked = np.asarray(times, dtype=float)
+        d = self.dimension
+        mean, covariance = np.empty((len(asked), d)), np.empty((len(asked), d, d))
+        for place, time in enumerate(asked):
+            one = ctypes.c_double(float(time)), ctypes.c_double(0.0), ctypes.c_int(1)
+            self._call("predict", *one, mean[place], covariance[place])
+        return Forecast(mean, covariance)
+
+
+def _flat(settings: Any) -> Array:
+    """The struct of settings as C lays it out: each whole number stands before numbers, and is padded to one."""
+    parts: list[bytes] = []
+    for value in settings.values():
+        if isinstance(value, dict):
+            parts.append(_flat(value).tobytes())
+        elif isinstance(value, int):
+            parts.append(np.array([value, 0], dtype=np.int32).tobytes())
+        else:
+            parts.append(np.asarray(value, dtype=float).tobytes())
+    return np.frombuffer(b"".join(parts), dtype=float).copy()

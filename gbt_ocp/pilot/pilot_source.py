@@ -1,0 +1,216 @@
+"""The pilot as C: its hand-written files, and what is generated of the parts of one pilot."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from gbt_ocp.guidance.pacing import PacedBearing
+from gbt_ocp.guidance.planned import PlannedMotion
+from gbt_ocp.guidance.startup import CrossFirst
+from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.sensors import SimulatedSensor
+from gbt_ocp.ocp.codegen.problem_source import from_moments
+from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.pilot.pilot_parts import PilotParts
+from gbt_ocp.pilot.tracker_source import SIZES, c_number, initialiser, pilot_texts, tracker_in_c
+
+NAVIGATION_HZ = 50.0
+"""Rate in Hz of navigations for which there is memory; where they come faster, those that are too old are fewer."""
+
+UNLISTED = 8
+"""Numbers of sensors that are not listed in the configuration."""
+
+SPARE = 16
+"""Measurements that may wait for a command beside those of a sensor on time."""
+
+
+def pilot_files(parts: PilotParts) -> dict[str, str]:
+    """The C files of a pilot by name, to stand beside those of its planner.
+
+    Parameters
+    ----------
+    parts
+        What the pilot is made of. It has seen nothing yet.
+
+    Raises
+    ------
+    ValueError
+        If a part does not exist in C; one line that names it.
+    """
+    numbers, sizes = _guidance(parts)
+    tracker = tracker_in_c(parts.tracker)
+    sizes |= tracker.sizes | _memory(parts)
+    numbers |= {
+        "period": parts.period,
+        "forecast_period": parts.forecast_period,
+        "late": parts.late,
+        "navigation_gap": parts.navigation_gap,
+        "lead": parts.period if parts.lead is None else parts.lead,
+        "bearing_std": parts.bearing_std,
+        "follow_bandwidth": parts.follow_bandwidth,
+    }
+    defined = (f"#define GBT_{name} {value} /* {(_SIZES | SIZES)[name]} */" for name, value in sizes.items())
+    fields = (f"    {_kind(name)} {name}{_length(numbers[name])}; /* {says} */" for name, says in _SETTINGS.items())
+    header = _HEADER.format(sizes="\n".join(defined), fields="\n".join(fields))
+    sensors = [_sensor(number, one) for number, one in enumerate(parts.sensors.values())]
+    source = _SOURCE.format(
+        numbers=initialiser({name: numbers[name] for name in _SETTINGS}, _DOUBLES),
+        kind=tracker.name,
+        tracker=initialiser(tracker.settings),
+        sensors=", ".join(sensors or ["{{0, GBT_EARTH, 0, {0}, 0}, 0, 0, 0}"]),
+        names=", ".join(json.dumps(name) for name in parts.sensors) or '""',
+    )
+    return tracker.chosen(pilot_texts()) | {"gbt_pilot_settings.h": header, "gbt_pilot_settings.c": source}
+
+
+def _guidance(parts: PilotParts) -> tuple[dict[str, Any], dict[str, int]]:
+    """Numbers and sizes of the guidance."""
+    crossing = parts.guidance if isinstance(parts.guidance, CrossFirst) else None
+    planned = parts.guidance if crossing is None else crossing.planned
+    if not isinstance(planned, PlannedMotion):
+        found = type(planned).__name__
+        raise ValueError(f"guidance: found {found}; allowed in C: a planner in still water (vehicle.current: none)")
+    planner = planned.planner
+    if not isinstance(planner.problem, ProblemData):
+        raise ValueError("planner.form: found shooting; allowed in C: flat")
+    if not from_moments(planner.problem):
+        raise ValueError(
+            "planner: found an objective or a limit with data of its own; allowed in C: those that the mean and the "
+            "covariance of a forecast are enough for"
+        )
+    if parts.vehicle.flat_dimension != parts.vehicle.position_dimension + 1:
+        found = f"{parts.vehicle.flat_dimension} flat outputs"
+        raise ValueError(f"vehicle: found {found}; allowed in C: position and yaw")
+    steps, stride, begin_at_sight = planned.schedule
+    desired = planned.desired
+    turn = desired.at_full_pace if isinstance(desired, PacedBearing) else desired
+    assert isinstance(turn, DesiredBearing), "there are no others"
+    numbers = {
+        "desired_rate": turn.rate,
+        "desired_phase": turn.phase,
+        "desired_reverse": 0.0 if math.isinf(turn.reverse) else turn.reverse,
+        "desired_leg_start": turn.leg_start,
+        "desired_axis": np.asarray(turn.axis, dtype=float) / np.linalg.norm(turn.axis),
+        "desired_speed": desired.speed if isinstance(desired, PacedBearing) else 0.0,
+        "begin_at_sight": int(begin_at_sight),
+        "startup_deviation": 0.0 if crossing is None else crossing.crossing.deviation,
+        "startup_speed": 0.0 if crossing is None else crossing.speed,
+        "startup_opening": 0.0 if crossing is None else crossing.crossing.opening,
+        "startup_leg": 1.0 if crossing is None else crossing.crossing.leg,
+        "axis": np.array([0.0, 0.0, 1.0]) if crossing is None else crossing.crossing.axis,
+    }
+    return numbers, {"AHEAD": parts.forecast, "STEPS": steps, "STRIDE": stride}
+
+
+def _memory(parts: PilotParts) -> dict[str, int]:
+    """How much is remembered of inputs."""
+    periods = [sensor.period for sensor in parts.sensors.values()] or [parts.period]
+    measurements = SPARE + sum(math.ceil(1.25 * parts.late / period) for period in periods)
+    return {
+        "LISTED": len(parts.sensors),
+        "SENSORS": len(parts.sensors) + UNLISTED,
+        "MEASUREMENTS": measurements,
+        "KNOWN": 2 * measurements,
+        "NAVIGATIONS": 8 + math.ceil(NAVIGATION_HZ * (parts.late + parts.navigation_gap)),
+    }
+
+
+def _sensor(number: int, sensor: SimulatedSensor) -> str:
+    mounting = sensor.mounting
+    position = mounting.position or (0.0,)
+    frame = "GBT_BOW" if sensor.frame == "bow" else "GBT_EARTH"
+    pose = f"{{{number}, {frame}, 1, {c_number(np.array(position))}, {c_number(mounting.yaw)}}}"
+    numbers = (sensor.std or 0.0, sensor.share or 0.0, sensor.heading_std)
+    return f"{{{pose}, {', '.join(c_number(value) for value in numbers)}}}"
+
+
+def _kind(name: str) -> str:
+    """The type of a number: times are double in both precisions."""
+    if name == "begin_at_sight":
+        return "int"
+    return "double" if name in _DOUBLES else "gbt_real"
+
+
+def _length(value: Any) -> str:
+    return f"[{len(value)}]" if isinstance(value, np.ndarray) else ""
+
+
+_SIZES = {
+    "AHEAD": "positions predicted ahead",
+    "STEPS": "sampling periods that a piece of a plan lasts",
+    "STRIDE": "predicted positions that it lasts",
+    "LISTED": "sensors of which something is configured",
+    "SENSORS": "numbers of sensors",
+    "MEASUREMENTS": "measurements that can wait for a command",
+    "KNOWN": "measurements remembered to find duplicates",
+    "NAVIGATIONS": "navigations remembered",
+}
+
+_SETTINGS = {
+    "period": "s between two decisions of the guidance",
+    "forecast_period": "s between two predicted positions",
+    "late": "s by which inputs may be late",
+    "navigation_gap": "longest time between two navigations that is bridged, s",
+    "lead": "how far ahead on the plan setpoints are taken, s",
+    "bearing_std": "deviation of bearings that do not state one, rad",
+    "follow_bandwidth": "of the follower, rad/s",
+    "desired_rate": "of the turn of the desired bearing, rad/s",
+    "desired_phase": "its angle at time 0, rad",
+    "desired_reverse": "s after which its sense changes; 0 for never",
+    "desired_leg_start": "time at which it begins to go in the sense of the rate, s",
+    "desired_axis": "of its circle in space",
+    "desired_speed": "that it may ask for, over the radius of the circle, m/s; 0: whatever the range",
+    "begin_at_sight": "whether each plan turns it on from the line of sight",
+    "startup_deviation": "deviation of the range over the range below which is planned; 0: always",
+    "startup_speed": "m/s at which the line of sight is crossed",
+    "startup_opening": "part of it that leads away, m/s",
+    "startup_leg": "s after which it is crossed the other way",
+    "axis": "about which it is crossed in space",
+}
+
+_DOUBLES = (
+    *("period", "forecast_period", "late", "navigation_gap", "lead"),
+    *("desired_rate", "desired_phase", "desired_reverse", "desired_leg_start", "desired_speed"),
+)
+
+_HEADER = """/* Generated: sizes and settings of one pilot. */
+#ifndef GBT_PILOT_SETTINGS_H
+#define GBT_PILOT_SETTINGS_H
+
+#include "gbt_real.h"
+
+GBT_BEGIN_C
+
+{sizes}
+
+typedef struct {{
+{fields}
+}} gbt_pilot_settings;
+
+extern const gbt_pilot_settings gbt_pilot_numbers;
+
+GBT_END_C
+
+#endif
+"""
+
+_SOURCE = """/* Generated: settings of one pilot. */
+#include "gbt_pilot_settings.h"
+
+#include "gbt_sighting.h"
+#include "gbt_tracker.h"
+
+const gbt_pilot_settings gbt_pilot_numbers = {{
+    {numbers}}};
+
+const gbt_{kind}_settings gbt_tracker_settings = {{
+    {tracker}}};
+
+const gbt_sensor gbt_listed_sensors[] = {{{sensors}}};
+
+const char *const gbt_sensor_names[] = {{{names}}};
+"""
