@@ -36,6 +36,7 @@ SETTINGS = {
     **{f"{name}-film": (name, [*HARD, "duration_s=12"]) for name in ANIMATED},
     "hard": ("case3", ["planner.formulation=hard", "duration_s=15"]),
     "penalty": ("case3", ["planner.formulation=penalty", "duration_s=15"]),
+    "sea": ("sea2d", ["duration_s=120"]),
 }
 """Run folders of the gallery: configuration and what is set in it."""
 
@@ -108,7 +109,7 @@ def make_runs() -> Path:
             for kind in ("html", "gif"):
                 if not (files / f"{name}.{kind}").is_file():
                     write_animation(place / name, files / f"{name}.{kind}")
-        for drawn in ("trajectories", "error", "thrust"):
+        for drawn in ("trajectories", "error", "thrust", *(["range"] if name == "sea" else [])):
             shutil.copyfile(place / name / "figures" / f"{drawn}.png", files / f"{name}-{drawn}.png")
     return place
 
@@ -148,6 +149,24 @@ def gallery_page() -> str:
             f"    gbt-ocp run {name} --set {' '.join(HARD)}",
             "",
         ]
+    at_sea = results["sea"].summary
+    lines += [
+        "## At sea",
+        "",
+        "A boat that turns at random, bearings with 1° of noise, a standoff of 30 m.",
+        "",
+        "![Paths at sea, with ellipses of what is believed and the standoff](sea-trajectories.png)",
+        "",
+        "![Range with what is believed of it, errors in per cent of the range, power and energy](sea-range.png)",
+        "",
+        f"Nearest distance {at_sea['distance_min']:.1f} m, {at_sea['steps_below_standoff']} samples nearer than that, "
+        f"error {100.0 * at_sea['relative_error']:.2g} % of the range from {at_sea['track_settling_s']:g} s on.",
+        "",
+        f"    gbt-ocp run sea2d --set {' '.join(SETTINGS['sea'][1])}",
+        "",
+        "[At sea](../sea.md) says how it is done; [Replay a log](../howto/replay.md) tracks from recorded bearings.",
+        "",
+    ]
     lines += ["## Penalty against hard limits", "", "The same run, the thrust limits as the paper's penalty and hard."]
     lines += ["", "| | hard | penalty |", "|---|---|---|"]
     for key, title in _COMPARED.items():

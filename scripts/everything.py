@@ -83,7 +83,6 @@ BENCHMARKS = (
     Job("public_scenarios", ("-m", "gbt_ocp.cli", "benchmark", "--quiet", "--out", f"{OUT}/benchmark")),
     benchmark("recorded_tracks", TRACKS, "--seeds", "3"),
     Job("sea_run", ("-m", "gbt_ocp.cli", "run", "sea2d", "--quiet", "--out", f"{OUT}/run")),
-    benchmark("sea_figure", f"{OUT}/../sea_run/run", "--out", f"{OUT}/sea2d.png"),
     benchmark(
         "sea_open_loop",
         *("sea2d", "sea2d_speed", "sea3d", "sea3d_speed", "--seeds", "6", "--out", f"{OUT}/open_loop.jsonl"),

@@ -261,6 +261,7 @@ def test_a_benchmark_is_measured_reported_and_resumed(tmp_path):
     report = (done.folder / "report.md").read_text()
     assert "## ning_5b" in report
     assert PUBLIC["ning_5b"].source in report
+    assert "| ning_5b (2) | " in report
     row = done.rows[0]
     alone = [trial(PUBLIC["ristic_moderate"], CONTESTANTS["ekf"], run) for run in range(2)]
     assert row["error"] == pytest.approx(np.median([one["error"] for one in alone]))

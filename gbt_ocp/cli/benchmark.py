@@ -34,6 +34,7 @@ def _add(parser: argparse.ArgumentParser) -> None:
 
 def _carry_out(arguments: argparse.Namespace) -> int:
     from gbt_ocp.studies.scenarios.benchmark import BenchmarkInterruptedError, benchmark, known_scenarios
+    from gbt_ocp.studies.scenarios.benchmark_report import OVERVIEW, overview
     from gbt_ocp.studies.scenarios.contestants import CONTESTANTS
 
     if arguments.list:
@@ -63,6 +64,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
         return INTERRUPTED
     for note in done.notes:
         remark(note)
+    show(f"{OVERVIEW}\n\n{overview(done.rows)}\n")
     show(done.folder / "report.md")
     return DONE
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from gbt_ocp.ocp.dynamics import Dynamics, integrated
+from gbt_ocp.models.dynamics import Dynamics, integrated
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ProblemData, ShootingData
 from gbt_ocp.ocp.terms import Constraint, Objective
 from gbt_ocp.ocp.thrust_limits import ThrustLimit
@@ -156,7 +156,7 @@ class ShootingForm:
         if not hasattr(term, "value"):
             return False
         numbers = unstacked(term.shapes, ca.SX.sym("p", stacked_size(term.shapes)))
-        value = term.value(self.dynamics.point(state, inputs), numbers)
+        value = term.value(FlatPoint(*self.dynamics.point(state, inputs)), numbers)
         return bool(ca.depends_on(ca.SX(value), inputs))
 
 

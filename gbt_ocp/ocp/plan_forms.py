@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,48 +26,19 @@ Named = Callable[[Array], dict[str, float]]
 """Amounts of all limits to those that are not zero, by name."""
 
 
-class PlanForm(Protocol):
-    """A form of the trajectory, to the planner.
-
-    Attributes
-    ----------
-    scale
-        Natural sizes of a piece's unknowns ``(freedoms,)``.
-    check
-        The true limits of its trajectories.
-    """
-
-    scale: Array
-    check: Any
-
-    def start(self, state: ArrayLike) -> Array:
-        """What a solver takes as the start; ``ValueError`` in one line if the state does not fit."""
-
-    def trajectory(self, start: Array, top: Array) -> Any:
-        """The trajectory from a start with what is free in its pieces."""
-
-    def objective(self, trajectory: Any, parameters: Sequence[Array]) -> float:
-        """The objective of any trajectory, without penalty."""
-
-    def coasting(self, start: Array) -> Array:
-        """Where a cold solve begins, scaled ``(p, freedoms)``."""
-
-    def rest(self, top: Array) -> Array:
-        """What is left of a plan after its first piece, lengthened by one ``(p, freedoms)``."""
-
-    def braking(self, start: Array) -> Array:
-        """The last resort ``(p, freedoms)``."""
-
-    def plan(self, trajectory: Any, step: PlannerStep, named: Named, **rest: Any) -> Plan | ShootingPlan:
-        """The plan of a step; ``rest`` is its objective and its time."""
-
-
 def _checked(state: ArrayLike, shapes: Sequence[tuple[int, ...]]) -> Array:
     start = np.asarray(state, dtype=float)
     if start.shape not in shapes or not np.all(np.isfinite(start)):
         allowed = " or ".join(str(shape) for shape in shapes)
         raise ValueError(f"state: found shape {start.shape}; allowed: {allowed}, all numbers finite")
     return start
+
+
+def _summed(
+    objectives: Sequence[Any], trajectory: FlatTrajectory | ShotTrajectory, parameters: Sequence[Array]
+) -> float:
+    columns = [values[:, -1].T for values in trajectory.sample(2)]
+    return float(sum(float(f(*columns, p)) for f, p in zip(objectives, parameters, strict=True)))
 
 
 class FlatPlans:
@@ -89,8 +60,7 @@ class FlatPlans:
 
     def objective(self, trajectory: FlatTrajectory, parameters: Sequence[Array]) -> float:
         """The sum over the endpoints."""
-        columns = [values[:, -1].T for values in trajectory.sample(2)]
-        return float(sum(float(f(*columns, p)) for f, p in zip(self._objectives, parameters, strict=True)))
+        return _summed(self._objectives, trajectory, parameters)
 
     def coasting(self, start: Array) -> Array:
         """Constant velocity and a little thrust to one side; :func:`cold_guess`."""
@@ -129,8 +99,7 @@ class ShotPlans:
 
     def objective(self, trajectory: ShotTrajectory, parameters: Sequence[Array]) -> float:
         """The sum over the ends of the periods."""
-        columns = [values[:, -1].T for values in trajectory.sample(2)]
-        return float(sum(float(f(*columns, p)) for f, p in zip(self._objectives, parameters, strict=True)))
+        return _summed(self._objectives, trajectory, parameters)
 
     def coasting(self, start: Array) -> Array:
         """As good as no thrust, and a little to one side."""
@@ -189,8 +158,8 @@ def cold_guess(problem: ProblemData, start: Array) -> Array:
     return top / input_scale(problem)
 
 
-def plan_form(problem: PosedProblem) -> PlanForm:
-    """That of a problem."""
+def plan_form(problem: PosedProblem) -> Any:
+    """:class:`FlatPlans` or :class:`ShotPlans`, which have the same members."""
     if isinstance(problem, ShootingData):
         return ShotPlans(problem)
     assert isinstance(problem, ProblemData), "there are no others"

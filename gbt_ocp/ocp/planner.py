@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from time import perf_counter
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.binding import Binding
@@ -81,11 +82,11 @@ class AnyPlanner:
 
     def start(self, state: ArrayLike) -> Array:
         """What a solver takes as the start, of a state as in :meth:`solve`; ``ValueError`` if it does not fit."""
-        return self._form.start(state)
+        return np.asarray(self._form.start(state))
 
     def objective(self, trajectory: FlatTrajectory | ShotTrajectory, parameters: list[Array]) -> float:
         """The objective of any trajectory, without penalty."""
-        return self._form.objective(trajectory, parameters)
+        return float(self._form.objective(trajectory, parameters))
 
     def solve(
         self, state: ArrayLike, forecast: Any = None, desired: ArrayLike | None = None, **data: Any
@@ -142,7 +143,9 @@ class AnyPlanner:
         trajectory = self._form.trajectory(start, step.top)
         self._previous = self._last_step = trajectory
         objective = self.objective(trajectory, parameters)
-        return self._form.plan(trajectory, step, self._named, objective=objective, solve_time=perf_counter() - began)
+        rest = {"objective": objective, "solve_time": perf_counter() - began}
+        plan: Plan | ShootingPlan = self._form.plan(trajectory, step, self._named, **rest)
+        return plan
 
     def _named(self, amounts: Array) -> dict[str, float]:
         """Those that are not zero, by the names of the limits."""

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gbt_ocp.ocp.dynamics import Dynamics
+from gbt_ocp.models.dynamics import Dynamics
 from gbt_ocp.ocp.planner import ShotPlanner
 from gbt_ocp.ocp.problem_data import ShootingData
 from gbt_ocp.ocp.verbs import PosingVerbs

@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.reporting import style
 from gbt_ocp.reporting.drawable import drawable_history
+from gbt_ocp.reporting.range_figure import range_figure
 from gbt_ocp.reporting.trajectories import trajectories
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.history import History
@@ -47,8 +48,9 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
 
     Returns
     -------
-    Figures by name: ``trajectories``, ``error``, ``condition_number``, ``hyperparameters`` (if the tracker has any),
-    ``thrust``, and ``solver_time``, or ``tracker_time`` for a guidance without a solver.
+    Figures by name: ``trajectories``, ``error``, ``condition_number``, ``range`` (if the configuration has a standoff,
+    ``limits.range.nearest_m``), ``hyperparameters`` (if the tracker has any), ``thrust``, and ``solver_time``, or
+    ``tracker_time`` for a guidance without a solver.
 
     Raises
     ------
@@ -73,12 +75,15 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
     lower = summary.get("thrust_min")
     thrust_range = ThrustRange(-thrust_max if lower is None else np.asarray(lower, dtype=float), thrust_max)
     settling = summary.get("settling_s")
+    nearest = _nearest(configuration)
     with style.styled():
         figures = {
-            "trajectories": trajectories(history),
+            "trajectories": trajectories(history, nearest),
             "error": _error(history, 2.0 if settling is None else float(settling)),
             "condition_number": _condition_number(history),
         }
+        if nearest is not None:
+            figures["range"] = range_figure(history, nearest, _forecast_period(configuration, float(period)))
         if np.isfinite(history.length_scale).any() or np.isfinite(history.amplitude).any():
             figures["hyperparameters"] = _hyperparameters(history)
         figures["thrust"] = _thrust(history, thrust_range)
@@ -118,6 +123,21 @@ def _value(configuration: Mapping[str, Any], section: str, key: str) -> Any:
     if value is None:
         raise ValueError(f"{run_folder.CONFIGURATION}: {section}.{key}: found nothing; the figures need its value")
     return value
+
+
+def _nearest(configuration: Mapping[str, Any]) -> float | None:
+    """The standoff in m, if the configuration has one."""
+    limits = configuration.get("limits")
+    range_ = limits.get("range") if isinstance(limits, dict) else None
+    found = range_.get("nearest_m") if isinstance(range_, dict) else None
+    return float(found) if isinstance(found, int | float) and found > 0.0 else None
+
+
+def _forecast_period(configuration: Mapping[str, Any], period: float) -> float:
+    """Time between two predicted positions in s: `period` where the configuration says nothing else."""
+    tracker = configuration.get("tracker")
+    found = tracker.get("forecast_period_s") if isinstance(tracker, dict) else None
+    return float(found) if isinstance(found, int | float) and found > 0.0 else period
 
 
 def _are_numbers(values: Any, count: int) -> bool:

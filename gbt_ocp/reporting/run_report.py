@@ -29,6 +29,7 @@ _CAPTIONS = {
     "trajectories": "Paths of vehicle and target, and the posterior mean at each step.",
     "error": "Tracking error, mean over the forecast, and its bound by the paper's theorem.",
     "condition_number": "Condition number of the cumulative bearing matrix of the window: 1 is the best.",
+    "range": "Range with what is believed of it, the standoff, errors in per cent of the range, power and energy.",
     "hyperparameters": "Hyperparameters of the tracker.",
     "thrust": "Thrust over its limit, with the peak on the fine grid of each executed piece.",
     "solver_time": "Time of tracker and solver at each step.",

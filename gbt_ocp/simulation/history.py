@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gbt_ocp.files import read_arrays
 from gbt_ocp.ocp.plan import ANSWERED
+from gbt_ocp.ocp.solvers.base import GIVEN_UP
 from gbt_ocp.simulation import readings
 from gbt_ocp.simulation.columns import SAME_LENGTH, UNKNOWN, column, columns, recorded
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, relative_range_std
@@ -232,6 +233,11 @@ class History:
     def answered_first(self) -> NDArray[np.bool_]:
         """Whether the first attempt's plan is the one of the step ``(K,)``."""
         return np.asarray(self.answered & (self.fallback == ""))
+
+    @property
+    def gave_way(self) -> NDArray[np.bool_]:
+        """Whether a limit that may give had to, so that the step could be planned ``(K,)``."""
+        return np.asarray(self.planned & (self.solver_status == GIVEN_UP))
 
     @property
     def dimension(self) -> int:

@@ -3,6 +3,12 @@
 #include "gbt_form.h"
 #include "gbt_math.h"
 
+void gbt_moving_at(const gbt_real *ends, gbt_real share, gbt_real *place)
+{
+    for (int m = 0; m < GBT_KNOT_NUMBERS; m++)
+        place[GBT_POINT + m] = (1 - share) * ends[m] + share * ends[GBT_KNOT_NUMBERS + m];
+}
+
 /* The larger of worst and the violation of a limit at a place. */
 static gbt_real worst_of(const gbt_limit *limit, const gbt_real *place, gbt_real worst)
 {

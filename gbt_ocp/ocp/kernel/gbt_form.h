@@ -23,6 +23,23 @@ static inline gbt_real *gbt_free(gbt_piece piece, int a)
 }
 #endif
 
+/* Solves L x = b and then L' x = b in place. */
+static inline void gbt_forward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
+{
+    for (int a = 0; a < GBT_FREE; a++) {
+        for (int c = 0; c < a; c++) x[a] -= factor[a][c] * x[c];
+        x[a] /= factor[a][a];
+    }
+}
+
+static inline void gbt_backward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
+{
+    for (int a = GBT_FREE - 1; a >= 0; a--) {
+        for (int c = a + 1; c < GBT_FREE; c++) x[a] -= factor[c][a] * x[c];
+        x[a] /= factor[a][a];
+    }
+}
+
 /* What a limit looks at after a share of a piece, but for the limit's numbers there. */
 void gbt_place_after(gbt_piece piece, gbt_real share, gbt_real *place);
 

@@ -37,12 +37,6 @@ void gbt_place_after(gbt_piece piece, gbt_real share, gbt_real *place)
     gbt_point_after(piece, GBT_PERIOD * share, place);
 }
 
-void gbt_moving_at(const gbt_real *ends, gbt_real share, gbt_real *place)
-{
-    for (int m = 0; m < GBT_KNOT_NUMBERS; m++)
-        place[GBT_POINT + m] = (1 - share) * ends[m] + share * ends[GBT_KNOT_NUMBERS + m];
-}
-
 /* What a limit looks at: the point of piece i after a share of it, and the limit's numbers there. */
 static void place_at(const gbt_workspace *work, gbt_piece piece[], int i, gbt_real share,
                      const gbt_real *power, gbt_real *place)

@@ -10,23 +10,6 @@
 
 #include "gbt_math.h"
 
-/* Solves L x = b and then L' x = b in place. */
-static void forward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
-{
-    for (int a = 0; a < GBT_FREE; a++) {
-        for (int c = 0; c < a; c++) x[a] -= factor[a][c] * x[c];
-        x[a] /= factor[a][a];
-    }
-}
-
-static void backward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
-{
-    for (int a = GBT_FREE - 1; a >= 0; a--) {
-        for (int c = a + 1; c < GBT_FREE; c++) x[a] -= factor[c][a] * x[c];
-        x[a] /= factor[a][a];
-    }
-}
-
 /* h += M' P M, where the next state is M times the numbers of the piece. */
 static void add_rest(const gbt_real *power, gbt_real rest[GBT_STATE][GBT_STATE], gbt_real h[GBT_PIECE][GBT_PIECE])
 {
@@ -84,7 +67,7 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
         for (int c = 0; c < GBT_STATE; c++) {
             gbt_real column[GBT_FREE];
             for (int a = 0; a < GBT_FREE; a++) column[a] = h[GBT_STATE + a][c];
-            forward(factor, column);
+            gbt_forward(factor, column);
             for (int a = 0; a < GBT_FREE; a++) work->gain[i][a][c] = column[a];
         }
         for (int a = 0; a < GBT_STATE; a++)
@@ -104,7 +87,7 @@ void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[])
     for (int i = work->pieces - 1; i >= 0; i--) {
         gbt_real *push = work->push[i];
         for (int a = 0; a < GBT_FREE; a++) push[a] = -*gbt_free(gradient[i], a);
-        forward(work->factor[i], push);
+        gbt_forward(work->factor[i], push);
         if (i == 0) continue;
         for (int o = 0; o < GBT_JOINED; o++)
             for (int j = 0; j < GBT_FLAT; j++) {
@@ -122,7 +105,7 @@ void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[])
             for (int c = 0; c < GBT_STATE; c++)
                 free[a] -= work->gain[i][a][c] * work->step[i][c / GBT_FLAT][c % GBT_FLAT];
         }
-        backward(work->factor[i], free);
+        gbt_backward(work->factor[i], free);
         for (int a = 0; a < GBT_FREE; a++) *gbt_free(work->step[i], a) = free[a];
         if (i + 1 < work->pieces) gbt_next_piece(work->step[i], work->step[i + 1]);
     }

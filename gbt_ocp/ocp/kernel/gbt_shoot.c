@@ -1,7 +1,4 @@
-/* The form of a trajectory that follows from the inputs by integration: pieces of a vehicle's state and of the inputs
-   over them. Every trajectory obeys the dynamics; what is free are the inputs alone. Rolled out from its beginning it may
-   leave a vehicle that is unstable far from where a linear step leads, so a trial follows that step with the gains of the
-   Riccati recursion (gbt_try), as in differential dynamic programming. */
+/* The form of a trajectory that follows from the inputs by integration: every trajectory obeys the dynamics. */
 #include "gbt_form.h"
 
 #include "gbt_math.h"
@@ -12,12 +9,6 @@ void gbt_place_after(gbt_piece piece, gbt_real share, gbt_real *place)
 {
     for (int a = 0; a < GBT_PIECE; a++) place[a] = piece[a];
     place[GBT_PIECE] = share;
-}
-
-void gbt_moving_at(const gbt_real *ends, gbt_real share, gbt_real *place)
-{
-    for (int m = 0; m < GBT_KNOT_NUMBERS; m++)
-        place[GBT_POINT + m] = (1 - share) * ends[m] + share * ends[GBT_KNOT_NUMBERS + m];
 }
 
 void gbt_next_piece(gbt_piece piece, gbt_piece next)

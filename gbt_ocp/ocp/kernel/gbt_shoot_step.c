@@ -10,23 +10,6 @@
 
 #define PLACE ((gbt_real)100) /* regularisation of a position in m over that of an input over its limit */
 
-/* Solves L x = b and then L' x = b in place. */
-static void forward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
-{
-    for (int a = 0; a < GBT_FREE; a++) {
-        for (int c = 0; c < a; c++) x[a] -= factor[a][c] * x[c];
-        x[a] /= factor[a][a];
-    }
-}
-
-static void backward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
-{
-    for (int a = GBT_FREE - 1; a >= 0; a--) {
-        for (int c = a + 1; c < GBT_FREE; c++) x[a] -= factor[c][a] * x[c];
-        x[a] /= factor[a][a];
-    }
-}
-
 /* Lower triangle of h += F' P F, of the slopes F of the state at the end and a symmetric P. */
 static void add_rest(gbt_real slopes[GBT_STATE][GBT_PIECE], gbt_real rest[GBT_STATE][GBT_STATE],
                      gbt_real h[GBT_PIECE][GBT_PIECE])
@@ -98,7 +81,7 @@ static void follow(gbt_workspace *work, int i, gbt_real alpha, const gbt_real *s
         inputs[a] = alpha * work->push[i][a];
         for (int c = 0; c < GBT_STATE; c++) inputs[a] -= work->gain[i][a][c] * state[c];
     }
-    backward(work->factor[i], inputs);
+    gbt_backward(work->factor[i], inputs);
 }
 
 void gbt_follow_gains(gbt_workspace *work, int i, gbt_real part, const gbt_real *state, gbt_real *inputs)
@@ -117,7 +100,7 @@ void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *ch
         for (int r = 0; r < GBT_STATE; r++)
             for (int a = 0; a < GBT_PIECE; a++) own[a] += work->slopes[i][r][a] * next[r];
         for (int a = 0; a < GBT_FREE; a++) push[a] = -own[GBT_STATE + a];
-        forward(work->factor[i], push);
+        gbt_forward(work->factor[i], push);
         for (int k = 0; k < GBT_FREE; k++)
             for (int c = 0; c < GBT_STATE; c++) own[c] += work->gain[i][k][c] * push[k];
     }

@@ -9,7 +9,6 @@ import numpy as np
 from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.guidance.startup import planned_of
-from gbt_ocp.ocp.solvers.base import GIVEN_UP
 from gbt_ocp.simulation.loop import simulate
 from gbt_ocp.simulation.summary import FALLBACKS, installed_versions, summarise
 from gbt_ocp.simulation.track_summary import TRACK_SETTLING_S
@@ -69,7 +68,7 @@ def run_treated(configuration: Configuration, pair: Pair, check: Check = unasked
         distant["lost"] = int(summary.get("lost", False))
         distant["plans"] = int(np.sum(history.planned))
         distant["answered_first"] = int(np.sum(history.planned & history.answered_first))
-        distant["given_up"] = int(np.sum(history.planned & (history.solver_status == GIVEN_UP)))
+        distant["given_up"] = int(np.sum(history.gave_way))
         distant["solver_time_99_ms"] = float(np.percentile(times, 99)) if times.size else None
     return {
         "case": configuration.name,

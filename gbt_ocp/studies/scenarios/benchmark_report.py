@@ -34,6 +34,8 @@ EXPLAINED = (
     "more than half of the range off at the end, or a fault. Times are processor time."
 )
 
+OVERVIEW = "Error, % of range / inside 95 %, % (* where a run was lost)"
+
 SHOWN = {
     "error": "error, % of range",
     "interval": "10 to 90 % of runs",
@@ -171,6 +173,10 @@ def markdown(
         "",
         *(f"- {note}" for note in notes),
         "",
+        OVERVIEW,
+        "",
+        overview(rows),
+        "",
     ]
     for one in scenarios:
         found = [row for row in rows if row["scenario"] == one.name]
@@ -191,6 +197,28 @@ def markdown(
         lines += [""] if faults else []
     lines += ["## Trackers", "", *(f"- `{name}`: {one.says}" for name, one in CONTESTANTS.items()), ""]
     return "\n".join(lines)
+
+
+def overview(rows: Sequence[Row]) -> str:
+    """A Markdown table with a row for each scenario: error and share inside of each tracker; * where a run was lost."""
+    trackers = list(dict.fromkeys(row["tracker"] for row in rows))
+    lines = ["| scenario (runs) | " + " | ".join(trackers) + " |", "|---|" + "---|" * len(trackers)]
+    for name in dict.fromkeys(row["scenario"] for row in rows):
+        found = {row["tracker"]: row for row in rows if row["scenario"] == name}
+        count = next(iter(found.values()))["runs"]
+        cells = [_error_and_share(found.get(tracker)) for tracker in trackers]
+        lines.append(f"| {name} ({count}) | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _error_and_share(row: Row | None) -> str:
+    if row is None:
+        return ""
+    if row["error"] is None:
+        return "*"
+    error = row["error"]
+    shown = f"{error:.2f}" if error < 1.0 else f"{error:.1f}" if error < 100.0 else f"{error:.0f}"
+    return f"{shown} / {100.0 * (row['inside'] or 0.0):.0f}" + (" *" if row["lost"] else "")
 
 
 def _line(row: Row) -> str:

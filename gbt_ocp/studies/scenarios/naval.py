@@ -203,7 +203,7 @@ NAVAL = (
         scored_from=26.0,
         law=None,
         turn_rate=np.deg2rad(120.0) / (5.0 * MINUTE),
-        differs="own ship's second turn is from minute 32 to 37, which ends at the published range of 2.91 km",
+        differs="own ship's second turn, from minute 32 to 37, is a choice: the last range is then 2.91 km",
     ),
     _scenario(
         "leong_moderate",

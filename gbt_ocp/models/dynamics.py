@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from gbt_ocp.models.contracts import ContractError, named, reason
 from gbt_ocp.models.vehicles import DrivenVehicle, Vehicle, acceleration
-from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.typing import Array
 
 
@@ -64,11 +63,11 @@ class Dynamics:
         flat: Any = self.vehicle
         return ca.vertcat(state[n:], acceleration(flat, state[:n], state[n:], inputs))
 
-    def point(self, state: ca.SX, inputs: ca.SX) -> FlatPoint:
+    def point(self, state: ca.SX, inputs: ca.SX) -> tuple[Any, Any, Any]:
         """z and its first two derivatives ``(n,)`` at symbols of state and inputs, the inputs as if held."""
         n, rates = self.vehicle.flat_dimension, self.rates(state, inputs)
         z, dz = state[:n], rates[:n]
-        return FlatPoint(z, dz, ca.jtimes(dz, state, rates))
+        return z, dz, ca.jtimes(dz, state, rates)
 
     def state(self, z: ArrayLike, dz: ArrayLike) -> Array:
         """The state ``(states,)`` at a flat output and its rate."""
