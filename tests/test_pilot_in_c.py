@@ -89,7 +89,7 @@ EXACT = [("case2", 30.0, ("preset=paper",)), ("case5", 30.0, ("preset=paper",))]
 def test_commands_of_closed_loops_are_those_of_python(name, seconds, changes, seed, monkeypatch):
     if "preset=paper" in changes:
         monkeypatch.setitem(globals(), "NOISE", 0.0)
-    changes = ["tracker.engine=compiled", f"seed={seed}", *changes]
+    changes = [*changes, "tracker.engine=compiled", f"seed={seed}"]
     pilot = closed_loop(gbt.load_config(name, changes), seconds, only_bearings)
     assert pilot.commands > 9.0 * seconds
     assert pilot.followed > 0.5 * pilot.commands
@@ -100,7 +100,7 @@ def test_commands_of_closed_loops_are_those_of_python(name, seconds, changes, se
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "seconds", "changes"), LOOPS)
 def test_commands_of_untidy_loops_are_those_of_python(name, seconds, changes):
-    changes = ["tracker.engine=compiled", *changes]
+    changes = [*changes, "tracker.engine=compiled"]
     pilot = closed_loop(gbt.load_config(name, changes), 0.2 * seconds, all_sensors, interval=(0.01, 0.12), late=1.0)
     assert pilot.followed > 0.2 * pilot.commands
     assert pilot.worst < 1e-8
