@@ -77,6 +77,7 @@ def test_gradient_against_central_differences(reach):
     np.testing.assert_allclose(found, [*(np.array(numeric) / (2.0 * step)), 0.0], atol=1e-7)
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.skipif(shutil.which("make") is None, reason="no make")
 def test_the_generated_step_from_the_moments_agrees_with_python(tmp_path):

@@ -116,6 +116,7 @@ def linked(place, parts):
     return subprocess.run(command, cwd=place, capture_output=True, text=True, check=False), place / "program"
 
 
+@pytest.mark.slow
 def test_two_planners_with_a_prefix_each_work_in_one_program(folders, tmp_path):
     parts = [
         caller(folders["bow"], "first", tmp_path, "bow_"),

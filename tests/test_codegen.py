@@ -67,6 +67,7 @@ def test_it_compiles_without_warnings_repeats_itself_and_agrees_with_python(fold
     assert sorted(folder.rglob("*")) == before, "verification must leave nothing behind"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("folder", "compiler", "level"), [(PLANE, "gcc", "-O0"), (SPACE, "clang", "-O3")], indirect=["folder"]
 )
@@ -145,6 +146,7 @@ def test_float_is_one_typedef_away(folder, tmp_path):
     assert difference < 1.0, "single precision plans must still be plans"
 
 
+@pytest.mark.slow
 def test_options_travel_into_the_generated_solver(tmp_path):
     folder = write_c(Planner(fossen(2, "hard"), "compiled", {"deadline": 77, "gap": 1e-4}), tmp_path / "planner")
     text = (folder / "src" / "gbt_problem.h").read_text()
@@ -182,6 +184,7 @@ def test_nothing_is_overwritten_and_nothing_half_written(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["planner"]
 
 
+@pytest.mark.slow
 @dataclass(frozen=True)
 class Nearest:
     """The squared distance to a goal given as data of its own."""
@@ -302,6 +305,7 @@ def test_the_command_line_writes_verifies_and_refuses(tmp_path, capsys, monkeypa
 TUTORIAL = Path(__file__).parents[1] / "docs" / "tutorial" / "new_objective.py"
 
 
+@pytest.mark.slow
 def test_the_tutorial_s_own_objective_is_generated_from_the_command_line(tmp_path, capsys):
     """Its steps are those of a closed loop: what the planner is given in a run of the same problem."""
     folder = tmp_path / "planner"

@@ -63,6 +63,7 @@ def rows(folder, name):
         return list(csv.DictReader(stream))
 
 
+@pytest.mark.slow
 def test_every_pair_solves_every_problem_in_every_mode(done):
     assert isinstance(done, gbt.Comparison)
     problems = Problems.load(done.folder / "problems" / "case2.npz")
@@ -247,6 +248,7 @@ class Fails:
         return Solution(np.full_like(guess, np.nan), False, "Maximum_Iterations_Exceeded", 300)
 
 
+@pytest.mark.slow
 def test_a_formulation_that_fails_is_shown_failing(few, tmp_path, monkeypatch):
     failing = Formulation("never solves", False, {IPOPT: _planner(Fails)})
     kept = {**FORMULATIONS, "failing": failing}

@@ -164,6 +164,7 @@ def test_a_generated_planner_repeats_pythons_plans(dimension, tmp_path):
     assert "| 4, 0.1 s, 4, 1 |" in (folder / "README.md").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["case2", "case5"])
 def test_a_closed_loop_keeps_the_limits(case):
     solver = "compiled" if find_compiler() else "ipopt"

@@ -70,6 +70,7 @@ def test_the_flow_is_sheared_and_varies_slowly():
     np.testing.assert_allclose(lagged, np.exp(-1.0), atol=0.06)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_observer_finds_the_current_and_says_how_well(dimension):
     """Twenty vehicles with noisy rates, pushed about at random: estimates against what was simulated."""

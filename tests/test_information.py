@@ -201,6 +201,7 @@ def test_the_compiled_solver_says_what_it_does_not_take():
     assert plans[1].objective == pytest.approx(plans[0].objective, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", ["fisher_logdet", "posterior_variance", "condition_number"])
 def test_a_closed_loop_with_another_objective_runs(objective):
     result = run(

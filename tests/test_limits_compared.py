@@ -70,6 +70,7 @@ def test_a_formulation_treats_all_limits(sea, formulation, thrust, hard):
     assert len(problem.hard) + len(problem.penalties) == 4
 
 
+@pytest.mark.slow
 def test_what_does_not_fit_is_left_out_and_named(sea, done):
     assert "thrust only" in unfit(sea, Pair("exchange", COMPILED))
     assert "so it is hard" in unfit(load_config("case2"), Pair("mixed", COMPILED))

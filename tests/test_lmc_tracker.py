@@ -38,6 +38,7 @@ def fed(tracker, times, slope=-0.6):
     return tracker
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("extra", [0, 1])
 def test_it_tracks_as_the_plain_process_does(dimension, extra):

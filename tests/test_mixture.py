@@ -201,6 +201,7 @@ def boat(rng, times, kind):
     return 1.5 * root @ rng.standard_normal((len(times), 2))
 
 
+@pytest.mark.slow
 def test_each_model_is_found_on_its_own_data():
     """Summed over a few targets of each kind; a single one of 80 s need not tell."""
     times = 0.5 * np.arange(160)

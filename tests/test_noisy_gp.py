@@ -37,6 +37,7 @@ def fed(tracker, times, target, own, noise, rng, after=lambda k: None):
     return tracker
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_errors_are_what_the_posterior_says_they_are(dimension):
     """Monte Carlo: targets drawn from the model, once range is observable; NEES a dimension and coverage of 95 %."""
@@ -64,6 +65,7 @@ def test_errors_are_what_the_posterior_says_they_are(dimension):
     assert inside > 0.85
 
 
+@pytest.mark.slow
 def test_with_measured_tangents_the_same_bearings_are_told_wrong():
     """What re-linearising is for: at 3° the paper's measurement draws the target towards the vehicle."""
     noise = np.radians(3.0)
@@ -100,6 +102,7 @@ def test_one_bearing_says_nothing_about_range_and_a_circle_says_all():
     np.testing.assert_allclose(tracker.predict(times[-1:]).mean[0], target[-1], atol=0.4)
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_stays_where_it_is_learns_no_range():
     times = 0.1 * np.arange(60)
     target = np.tile([6.0, 1.0], (60, 1))
@@ -122,6 +125,7 @@ def test_a_known_position_is_used_at_the_start():
     assert np.sqrt(forecast.covariance[0, 0, 0]) < 0.4
 
 
+@pytest.mark.slow
 def test_sigma_is_estimated_where_that_is_asked_for():
     rng = np.random.default_rng(4)
     times = 0.1 * np.arange(80)
@@ -132,6 +136,7 @@ def test_sigma_is_estimated_where_that_is_asked_for():
     assert 2.8 * ONE_DEGREE < found < 5.6 * ONE_DEGREE
 
 
+@pytest.mark.slow
 def test_a_single_outlier_moves_a_heavy_tailed_track_less():
     moved = {}
     for tails in (None, 4.0):
@@ -190,6 +195,7 @@ def test_every_kernel_tracks(kernel):
     assert np.sqrt(np.trace(forecast.covariance[0])) < 1.5
 
 
+@pytest.mark.slow
 def test_bins_take_irregular_samples_and_gaps():
     rng = np.random.default_rng(3)
     times = np.sort(rng.uniform(0.0, 60.0, 250))

@@ -102,6 +102,7 @@ def test_circumnavigation_settles_on_its_circle_around_a_target_it_knows(vehicle
     assert np.polyfit(PERIOD * np.arange(len(turned)), turned, 1)[0] == pytest.approx(-0.5, rel=0.12)  # clockwise
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vehicle", [PLANAR, SPATIAL], ids=["planar", "spatial"])
 def test_circumnavigation_goes_around_the_target_and_not_around_a_wrong_estimate(vehicle):
     """The estimate stays 4 m beside the target: the bearing turns by whole turns only if the vehicle keeps to it."""

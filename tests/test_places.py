@@ -222,6 +222,7 @@ def ran(folder, scratch, place, base, *flags):
     return np.array([[float(word) for word in line.split()] for line in shown[:-1]])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
 def test_a_plan_does_not_depend_on_where_the_coordinates_begin(folders, tmp_path):
     nowhere = np.zeros(3)

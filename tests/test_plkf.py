@@ -35,6 +35,7 @@ def around_a_static_target(seed, bias_compensated=False):
     return errors
 
 
+@pytest.mark.slow
 def test_the_errors_are_those_of_an_independent_implementation():
     errors = np.array([around_a_static_target(seed) for seed in range(24)])
     # its mean is over 100 runs
@@ -43,6 +44,7 @@ def test_the_errors_are_those_of_an_independent_implementation():
     assert np.all(np.abs(errors.mean(axis=0) - wanted) < 3.0 * standard_error + 5e-4)
 
 
+@pytest.mark.slow
 def test_compensation_lowers_the_settled_error_there():
     plain, compensated = (
         np.array([around_a_static_target(seed, how)[2:] for seed in range(12)]).mean() for how in (False, True)

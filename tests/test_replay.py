@@ -452,6 +452,7 @@ def test_two_cameras_on_one_boat_are_not_taken_for_two_contacts():
         assert read_log(path, "x").warnings == ()
 
 
+@pytest.mark.slow
 @recorded
 def test_a_recorded_log_is_followed_where_a_recursive_filter_claims_to_know():
     found = replay(RECORDED / "boat_s06_gunnerus.csv", bearing_from="x", trackers=["motion_gp", "ekf"])

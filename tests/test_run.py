@@ -166,6 +166,7 @@ def test_command_line_from_end_to_end(tmp_path):
             np.testing.assert_array_equal(arrays[name], history[name])
 
 
+@pytest.mark.slow
 def test_limits_that_cannot_be_kept_are_exit_3_and_the_folder_is_kept(tmp_path):
     path = own_problem(tmp_path, "Overloaded(1.0, 0.0, (1.0, 1.0))")
     done = called("run", path, "--set", "duration_s=0.3", "--out", tmp_path / "out", "--quiet", "--no-figures")
@@ -258,6 +259,7 @@ def test_the_example_track_is_what_its_script_makes(tmp_path):
     assert turn.min() < -0.2
 
 
+@pytest.mark.slow
 def test_the_example_track_is_followed():
     summary = gbt.run(
         "recorded", overrides=["duration_s=8", "planner.formulation=hard", "planner.solver=ipopt"]

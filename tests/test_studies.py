@@ -198,6 +198,7 @@ def test_reproduce_refuses_in_one_line(tmp_path):
         assert len(caught.value.faults) == 1
 
 
+@pytest.mark.slow
 def test_fig5_and_its_resumption(tmp_path, monkeypatch):
     """Short runs, real ones: what the report says is what the sweep's rows say."""
     monkeypatch.setattr(fig5, "SETTINGS", ("duration_s=3.0", "planner.formulation=hard"))

@@ -41,6 +41,7 @@ def done(tmp_path_factory):
     return sweep(SHORT, runs=3, grid=GRID, jobs=1, out=tmp_path_factory.mktemp("sweep") / "serial")
 
 
+@pytest.mark.slow
 def test_rows_are_what_single_runs_are(done):
     rows = table(done.folder)
     assert [row["run"] for row in rows] == [str(number) for number in range(6)]

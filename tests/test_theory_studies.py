@@ -165,6 +165,7 @@ def effective(labels, number, factor=1.0):
     }
 
 
+@pytest.mark.slow
 def test_fig4_reads_bounds_correlation_and_calibration():
     report = fig4.conduct(MadeUp(effective))
     assert all(verdicts(report, "bound of theorem 1"))
@@ -258,6 +259,7 @@ def test_fig9_reads_errors_bounds_and_signs(monkeypatch):
     assert not any(verdicts(report, "the sign of R is right"))
 
 
+@pytest.mark.slow
 def test_fig9_on_short_real_runs(tmp_path, monkeypatch):
     """The trackers that are fed once more say what they said in the run: the bound is kept where it was."""
     monkeypatch.setattr(fig9, "SETTINGS", ("planner.formulation=hard", "duration_s=3.0"))

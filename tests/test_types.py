@@ -64,6 +64,7 @@ def check(tmp_path, text):
     return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_a_users_script_passes_mypy_strict_and_its_mistakes_do_not(tmp_path):
     done = check(tmp_path, RIGHT)
     assert done.returncode == 0, done.stdout + done.stderr
