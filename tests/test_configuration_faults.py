@@ -128,7 +128,7 @@ FAULTS = [
     ("planner.solver_options", {"planner": {"solver_options": {"tol": math.inf}}}, "finite numbers"),
     # keys that do not exist, sections that are none
     ("sensor.noise_rad", {"sensor": {"noise_rad": 0.1}}, "period_s, noise_deg"),
-    ("planner.gama", {"planner": {"gama": 0.9}}, "pieces, degree"),
+    ("planner.gama", {"planner": {"gama": 0.9}}, "pieces, form, thrust"),
     ("vehicle.start.yaw", {"vehicle": {"start": {"yaw": 0.5}}}, "yaw_deg"),
     ("guidance.hold_s", {"guidance": {"kind": "static", "hold_s": 1.0}}, "kind"),
     ("target.turn_rate_step", {"target": {"turn_rate_step": 0.05}}, "kind"),

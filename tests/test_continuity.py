@@ -161,7 +161,7 @@ def test_a_generated_planner_repeats_pythons_plans(dimension, tmp_path):
     found = verify_folder(folder)
     assert found.faults == ()
     assert found.vectors > 5
-    assert "| 4, 0.1 s, 4, 1 |" in (folder / "README.md").read_text()
+    assert "| 4, 0.1 s, flat, degree 4, continuous up to derivative 1 |" in (folder / "README.md").read_text()
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ import gbt_ocp as gbt
 from gbt_ocp.experiments.build.loop import build_vehicle
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.experiments.config.vehicle import KNOWN_BY_NAME
 from gbt_ocp.models import KNOWN_VEHICLES, FossenVehicle, PlanarPointMass
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.ocp import ThrustEffort, ThrustLimit, TrajectoryProblem
@@ -135,6 +136,10 @@ def _arrays(history, **changes):
     from gbt_ocp.simulation.columns import columns
 
     return {one.name: getattr(history, one.name) for one in columns(history)} | changes
+
+
+def test_every_vehicle_is_described():
+    assert list(KNOWN_BY_NAME) == list(KNOWN_VEHICLES)
 
 
 def test_a_named_vehicle_brings_its_limits():

@@ -263,6 +263,6 @@ def test_the_bases_are_right_and_reach_every_section():
     assert len(trees) > 200
     for tree in trees:
         load_config(tree)
-    for section, union in (("tracker", 12), ("guidance", 7)):
+    for section, union in (("tracker", 13), ("guidance", 7)):
         assert len({tree[section]["kind"] for tree in trees if "vehicle" in tree}) == union
     assert all(math.isfinite(tree.get("duration_s", 1.0)) for tree in trees)

@@ -53,7 +53,7 @@ def test_an_exception_leaves_nothing(tmp_path, fault):
 
 
 def test_an_exception_while_drawing_leaves_nothing(tmp_path, monkeypatch):
-    def fail(history):
+    def fail(*_):
         raise RuntimeError("no ink")
 
     monkeypatch.setattr(figures, "trajectories", fail)

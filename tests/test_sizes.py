@@ -192,7 +192,7 @@ def test_counts_that_are_none_are_refused(name):
             lambda: BearingSensor(0.1, missed_probability=1.0),
             "missed_probability: found 1.0; allowed",
         ),
-        (lambda: DesiredBearing(2, np.inf), "rate and phase: found"),
+        (lambda: DesiredBearing(2, np.inf), "rate, phase and leg_start: found"),
         (lambda: DesiredBearing(3, 1.0, (0.0, 0.0, 0.0)), "axis must not be zero"),
         (lambda: DesiredBearing(3, 1.0, (0.0, np.nan, 1.0)), "axis: found"),
         (lambda: crossing(axis=(0.0, 0.0, 0.0)), "length of axis: found 0.0"),

@@ -213,7 +213,7 @@ def test_the_keys_make_the_limits():
     assert isinstance(limit, ReachableRange)
     assert limit.reach == pytest.approx(1.5)
     assert from_moments(problem), "in C from the moments of a forecast"
-    limit, problem = limit_of("limits.range.hypothesis_probability=0.1")
+    limit, problem = limit_of("limits.range.hypothesis_probability=0.1", "limits.range.target_speed_max=null")
     assert isinstance(limit, RangeOfHypotheses)
     assert (limit.probability, limit.reach) == (0.1, 0.0)
     assert not from_moments(problem), "in C from numbers that the caller binds"

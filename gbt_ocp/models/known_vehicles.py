@@ -28,8 +28,6 @@ class KnownVehicle:
 
     Attributes
     ----------
-    says
-        What it is, in one line.
     plane, space
         Coefficients of its planar and its spatial model.
     thrust_max
@@ -38,7 +36,6 @@ class KnownVehicle:
         τ_min, the same; ``None`` for -τ_max.
     """
 
-    says: str
     plane: FossenParameters
     space: FossenParameters
     thrust_max: tuple[float, float, float, float]
@@ -62,7 +59,6 @@ class KnownVehicle:
 
 KNOWN_VEHICLES = {
     "falcon": KnownVehicle(
-        "Falcon, 116 kg, with the paper's limits of the thrust (Shen, Shi and Buckham 2016)",
         FALCON_2D,
         FALCON_3D,
         (5000.0, 5000.0, 5000.0, 1500.0),
@@ -70,7 +66,6 @@ KNOWN_VEHICLES = {
     # Eight T200 at 16 V: 5.25 kgf ahead, 4.1 kgf astern. Four act at 45° in the plane, two of them astern: surge and
     # sway. Heave: the four upright ones astern, the weaker sense. Yaw: the four in the plane astern, at 0.189 m.
     "bluerov2_heavy": KnownVehicle(
-        "BlueROV2 Heavy, 13.5 kg, eight T200 thrusters at 16 V (von Benzon et al. 2022)",
         BLUEROV2_HEAVY_2D,
         BLUEROV2_HEAVY_3D,
         (129.7, 129.7, 160.8, 30.4),

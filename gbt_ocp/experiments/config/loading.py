@@ -26,7 +26,6 @@ from gbt_ocp.experiments.config.schema import Configuration, is_text
 from gbt_ocp.experiments.config.tracker import TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.validation import faults_of
-from gbt_ocp.models.known_vehicles import KNOWN_VEHICLES
 
 
 @dataclass(frozen=True)
@@ -248,6 +247,8 @@ def _beneath(
 
 def _limits_of_vehicle(problem: TrackingProblem | None, written: Mapping[str, Any], dimension: int) -> _Layer:
     """The limits of the thrust of the vehicle that is named; the Falcon's for coefficients without a name."""
+    from gbt_ocp.models.known_vehicles import KNOWN_VEHICLES  # which loads CasADi
+
     given = [value_at(values, ("vehicle", "parameters")) for values in (problem.defaults if problem else {}, written)]
     named = [name for name in given if isinstance(name, str) and name in KNOWN_VEHICLES]
     name = named[-1] if named and named[-1] == [value for value in given if value is not NOTHING][-1] else "falcon"

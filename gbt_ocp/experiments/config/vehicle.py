@@ -61,6 +61,11 @@ class StartSection(Section):
 
 Follow = Literal["exact", "dynamics", "feedback"]
 KnownName = Literal["falcon", "bluerov2_heavy"]
+KNOWN_BY_NAME = {
+    "falcon": "Falcon, 116 kg, with the paper's limits of the thrust (Shen, Shi and Buckham 2016)",
+    "bluerov2_heavy": "BlueROV2 Heavy, 13.5 kg, eight T200 thrusters at 16 V (von Benzon et al. 2022)",
+}
+"""What the vehicles of :data:`gbt_ocp.models.KNOWN_VEHICLES` are; here, so that a list of them loads no model."""
 
 # what vehicles of both kinds have in common, declared once
 _START = Field(default_factory=StartSection, description="Initial state.")
