@@ -95,7 +95,6 @@ def with_gaps(*gaps):
     return np.concatenate(times)
 
 
-@pytest.mark.slow
 @linux
 @pytest.mark.parametrize("name", EVERY)
 def test_memory_does_not_grow_with_a_gap_nor_with_a_forecast_far_ahead(name):

@@ -44,6 +44,9 @@ OPEN_MOST = 4
 AHEAD_STEP = 2.0
 """Seconds between the nodes of a forecast; between them it is linear."""
 
+LONGEST_AHEAD = 120.0
+"""Seconds over which the bank is carried ahead; forecasts for later are extrapolated from there."""
+
 AHEAD_MOST = 40
 """Components that are carried ahead."""
 
@@ -206,6 +209,7 @@ class HeldTurnTracker(RestartingTracker):
 
     def _moments_ahead(self, found: Components, horizon: float) -> NodeMoments:
         """Nodes from now on: those that hold their turn rate, and for each branch one that has drawn it again."""
+        horizon = min(horizon, LONGEST_AHEAD)
         self._asked = max(self._asked, horizon)
         if self._ahead is not None and self._ahead.times[-1] >= horizon - 1e-9:
             return self._ahead
@@ -231,8 +235,9 @@ class HeldTurnTracker(RestartingTracker):
     def predict(self, times: ArrayLike) -> Forecast:
         """Posterior mean ``(K, d)`` and covariance ``(K, d, d)`` at the times ``(K,)`` in seconds.
 
-        Times before the latest full bin are those of the present motion led back. Before the first bearing, only the
-        prior on position or range is known.
+        Times further ahead than :data:`LONGEST_AHEAD` are extrapolated (see
+        :meth:`~gbt_ocp.tracking.shape.moments.NodeMoments.at`). Times before the latest full bin are those of the
+        present motion led back. Before the first bearing, only the prior on position or range is known.
         """
         t = np.atleast_1d(np.asarray(times, dtype=float))
         found = self._found
