@@ -135,3 +135,22 @@ class LogNormal:
         """Log density at a logarithm, up to a constant, and its derivative."""
         excess = (float(log_value) - math.log(self.median)) / self.log_std
         return -0.5 * excess**2, -excess / self.log_std
+
+
+def unseen(position: PositionPrior, range_: LogNormal, own: Array, count: int) -> Forecast:
+    """The forecast at so many times before the first bearing, from a known position or the prior on the range alone.
+
+    Parameters
+    ----------
+    position, range_
+        The priors; that on the range in metres.
+    own
+        Position of the vehicle ``(d,)`` in metres.
+    count
+        K, the number of times.
+    """
+    if position.known is not None:
+        mean, covariance = position.known
+        return Forecast(np.tile(mean, (count, 1)), np.tile(covariance, (count, 1, 1)))
+    second = range_.median**2 * np.exp(2.0 * range_.log_std**2) / len(own)
+    return Forecast(np.tile(own, (count, 1)), np.tile(second * np.eye(len(own)), (count, 1, 1)))

@@ -21,7 +21,7 @@ from gbt_ocp.tracking.held.bank import (
     merged,
 )
 from gbt_ocp.tracking.noise import BearingNoise
-from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.priors import PositionPrior, unseen
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, mixed, relative_range_std
 from gbt_ocp.tracking.shape.moments import NodeMoments
 from gbt_ocp.typing import Array
@@ -242,7 +242,7 @@ class HeldTurnTracker(RestartingTracker):
         t = np.atleast_1d(np.asarray(times, dtype=float))
         found = self._found
         if found is None:
-            return self._unseen(len(t))
+            return unseen(self._position, self._prior.range, self._own, len(t))
         lag = t - self._now
         mean = np.empty((len(t), self.dimension))
         covariance = np.empty((len(t), self.dimension, self.dimension))
@@ -253,14 +253,6 @@ class HeldTurnTracker(RestartingTracker):
             back = advanced(self._prior, found, float(lag[k]), np.zeros(self.dimension))
             mean[k], covariance[k] = self._moments(back)
         return Forecast(self._own + mean, covariance)
-
-    def _unseen(self, count: int) -> Forecast:
-        if self._position.known is not None:
-            position, covariance = self._position.known
-            return Forecast(np.tile(position, (count, 1)), np.tile(covariance, (count, 1, 1)))
-        p = self._prior.range
-        second = p.median**2 * np.exp(2.0 * p.log_std**2) / self.dimension
-        return Forecast(np.tile(self._own, (count, 1)), np.tile(second * np.eye(self.dimension), (count, 1, 1)))
 
 
 def _angles(bearing: Array) -> Array:

@@ -19,7 +19,7 @@ from gbt_ocp.tracking.decomposed import SingleNumbers, parts_of
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.polar import ALL_KINDS, WITHOUT_SIZE, checked_sighting
-from gbt_ocp.tracking.priors import LogNormal, PositionPrior
+from gbt_ocp.tracking.priors import LogNormal, PositionPrior, unseen
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, WeighedForecasts, relative_range_std
 from gbt_ocp.tracking.shape.fit import Known, Sightings, fit, sightings_root
 from gbt_ocp.tracking.shape.further import further_sightings
@@ -313,7 +313,7 @@ class MotionShapeTracker(RestartingTracker):
         t = np.atleast_1d(np.asarray(times, dtype=float))
         found = self._found
         if found is None:
-            return self._unseen(len(t))
+            return unseen(self._position, self._prior.range, self._own, len(t))
         lag = t - self._now
         mean = np.empty((len(t), self.dimension))
         covariance = np.empty((len(t), self.dimension, self.dimension))
@@ -330,18 +330,12 @@ class MotionShapeTracker(RestartingTracker):
         """What each of the distinct motions that fit predicts, at times ``(K,)`` that are not past."""
         t = np.atleast_1d(np.asarray(times, dtype=float))
         if self._found is None:
-            return WeighedForecasts(np.ones(1), *(values[None] for values in self._unseen(len(t))))
+            return WeighedForecasts(
+                np.ones(1), *(values[None] for values in unseen(self._position, self._prior.range, self._own, len(t)))
+            )
         lag = np.maximum(t - self._now, 0.0)
         horizon = min(float(lag.max()), self._shape.longest_ahead)
         weights, parts = self._found.likely_motions
         found = [moments_ahead(self._shape, fitted, share, horizon).at(lag) for fitted, share in parts]
         means, covariances = (np.array(values) for values in zip(*found, strict=True))
         return WeighedForecasts(weights, self._own + means, covariances)
-
-    def _unseen(self, count: int) -> Forecast:
-        if self._position.known is not None:
-            position, covariance = self._position.known
-            return Forecast(np.tile(position, (count, 1)), np.tile(covariance, (count, 1, 1)))
-        p = self._prior.range
-        second = p.median**2 * np.exp(2.0 * p.log_std**2) / self.dimension
-        return Forecast(np.tile(self._own, (count, 1)), np.tile(second * np.eye(self.dimension), (count, 1, 1)))
