@@ -86,6 +86,7 @@ def settled(found):
     return np.sqrt(np.mean(np.sum((found - TARGET)[STEPS // 2 :] ** 2, axis=1)))
 
 
+@pytest.mark.long
 def test_the_errors_are_those_of_an_extended_filter():
     errors = np.array(
         [

@@ -203,6 +203,7 @@ def test_headers_of_two_planners_of_one_prefix_do_not_compile_together(folders, 
         assert ("headers of two generated planners" in done.stderr) is not allowed
 
 
+@pytest.mark.long
 def test_two_libraries_loaded_into_one_program_keep_to_themselves(folders, tmp_path):
     """Both without a prefix, each in a shared library of its own, as components of one robot process are."""
     names = []
@@ -263,6 +264,7 @@ target_link_libraries(user PRIVATE bow_gbt_planner::bow_gbt_planner stern_gbt_pl
         pytest.param("add_subdirectory", False, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.long
 def test_cmake_installs_a_package_that_other_projects_find(folders, tmp_path, how, single):
     if shutil.which("cmake") is None:
         pytest.skip("no cmake")
@@ -309,6 +311,7 @@ ODD = 'it\'s my $HOME [1]* "q" é #%;`id`\\x\ny'
 """Whatever a shell, make, CMake or C reads as something else."""
 
 
+@pytest.mark.long
 def test_folders_below_odd_paths_are_written_built_and_verified(tmp_path, monkeypatch):
     place = tmp_path / ODD
     (place / "temporary").mkdir(parents=True)

@@ -58,6 +58,7 @@ def folder(request, tmp_path_factory):
 
 
 @of(PLANE, SPACE)
+@pytest.mark.long
 def test_it_compiles_without_warnings_repeats_itself_and_agrees_with_python(folder):
     before = sorted(folder.rglob("*"))
     found = verify_folder(folder, flags="-O2 -Werror")
@@ -81,6 +82,7 @@ def test_compilers_and_optimisation_levels_agree(folder, compiler, level, monkey
 
 
 @of(SPACE)
+@pytest.mark.long
 def test_it_runs_clean_under_the_sanitizers(folder, tmp_path):
     flags = "-O1 -fsanitize=address,undefined -fno-sanitize-recover=all"
     (tmp_path / "empty.c").write_text("int main(void) { return 0; }\n")
@@ -102,6 +104,7 @@ def test_make_builds_the_example_in_place(folder, tmp_path):
 
 
 @of(PLANE)
+@pytest.mark.long
 def test_wrong_results_and_a_broken_source_are_noticed(folder, tmp_path):
     copy = shutil.copytree(folder, tmp_path / "wrong")
     header = (copy / "vectors.h").read_text()
@@ -200,6 +203,7 @@ class Nearest:
         return {"goal": np.tile(np.reshape(data["goal"], (2, 1)), (pieces, 1, 1))}
 
 
+@pytest.mark.long
 def test_an_objective_with_data_of_its_own_is_generated_from_recorded_steps(tmp_path):
     vehicle = PlanarPointMass(thrust_max=(1.0, 1.0))
     problem = TrajectoryProblem(vehicle, 6, 0.5).maximize(Nearest()).subject_to(ThrustLimit(vehicle), nodes=2)
@@ -273,6 +277,7 @@ def test_limits_on_the_target_are_bound_from_the_moments_as_in_python(dimension)
 
 
 @pytest.mark.parametrize("dimension", [pytest.param(2, marks=pytest.mark.slow), 3])
+@pytest.mark.long
 def test_a_whole_step_with_limits_on_the_target_is_generated(dimension, tmp_path):
     folder = write_c(Planner(with_target_limits(dimension), "compiled"), tmp_path / "planner")
     assert json.loads((folder / "manifest.json").read_text())["problem"]["from_moments"]
@@ -289,6 +294,7 @@ def test_ipopt_s_program_is_generated_without_errors_in_it(tmp_path):
     assert "#error" not in text
 
 
+@pytest.mark.long
 def test_the_command_line_writes_verifies_and_refuses(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)  # a relative folder, as most people give it
     assert cli.main(["codegen", "case2", "--out", "planner", "--verify"]) == 0

@@ -80,6 +80,7 @@ def test_every_pair_solves_every_problem_in_every_mode(done):
     assert {row["seed"] if "seed" in row else row["run"] for row in rows(done.folder, "runs")} >= {"0"}
 
 
+@pytest.mark.long
 def test_best_known_solutions_are_not_beaten_by_what_keeps_the_limits(done):
     for row in rows(done.folder, "solves"):
         if row["kept"] == "1":
@@ -196,6 +197,7 @@ def test_slow_pairs_get_a_share_of_the_work_unless_all_is_asked_for():
 
 @pytest.mark.skipif(os.name != "posix", reason="sends a signal")
 @pytest.mark.parametrize("jobs", [pytest.param("1", marks=pytest.mark.slow), "2"])
+@pytest.mark.long
 def test_ctrl_c_keeps_what_is_finished(tmp_path, jobs):
     command = [
         sys.executable, "-m", "gbt_ocp.cli", "compare", "case2", "--formulations", "hard", "--solvers", "ipopt",

@@ -104,6 +104,7 @@ def test_more_freedom_reaches_more(dimension, seed):
         pytest.param("penalty", 2, 4, 2, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.long
 def test_both_solvers_reach_the_same(form, dimension, degree, continuity):
     problem = posed(dimension, degree, continuity, 6, form)
     for seed in range(3):
@@ -156,6 +157,7 @@ def test_the_last_resort_brakes_within_the_limits():
 
 @needs_compiler
 @pytest.mark.parametrize("dimension", [pytest.param(2, marks=pytest.mark.slow), 3])
+@pytest.mark.long
 def test_a_generated_planner_repeats_pythons_plans(dimension, tmp_path):
     folder = write_c(posed(dimension).compile("compiled"), tmp_path / "planner")
     found = verify_folder(folder)

@@ -136,6 +136,7 @@ def _run(*overrides, name="case2", seconds=4.0):
     return gbt.run(name, overrides=given, seed=101)
 
 
+@pytest.mark.long
 def test_a_current_that_is_known_or_estimated_is_planned_for_and_one_that_is_not_is_felt():
     water = "plant.current=[0.4,-0.3]"
     off = {

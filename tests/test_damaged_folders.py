@@ -95,6 +95,7 @@ FEW = {"run": 11, "sweep": 17, "reproduce": 17, "compare": 29}
 
 
 @pytest.mark.parametrize("kept", FOLDERS, indirect=True, ids=FOLDERS)
+@pytest.mark.long
 def test_a_damaged_file_is_named_or_made_again(kept, request, monkeypatch, capsys):
     step = FEW[request.node.callspec.id]
     chosen = kept.everything()

@@ -93,6 +93,7 @@ SLOW = {("motion_gp", 2), ("mixture", 3)}
     ("name", "dimension"),
     [pytest.param(name, d, marks=[pytest.mark.slow] if (name, d) in SLOW else []) for name in TRACKERS for d in (2, 3)],
 )
+@pytest.mark.long
 def test_trackers_stay_finite_with_a_covariance(name, dimension):
     configuration = load_config("case2" if dimension == 2 else "case5", TRACKERS[name])
 

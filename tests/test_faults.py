@@ -147,6 +147,7 @@ def combinations(seeds):
     return unsound, answers
 
 
+@pytest.mark.long
 def test_random_combinations_of_faults():
     assert combinations(range(6))[0] == []
 

@@ -27,6 +27,7 @@ def line(axes, label):
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.long
 def test_a_run_folder_gets_its_six_figures_with_nothing_overlapping(tmp_path, dimension, capfd):
     history = synthetic_run.history(dimension)
     result = Result(synthetic_run.configuration(dimension), history, synthetic_run.summary(history))
@@ -40,6 +41,7 @@ def test_a_run_folder_gets_its_six_figures_with_nothing_overlapping(tmp_path, di
 
 
 @pytest.mark.parametrize(("dimension", "drift"), [(2, 0.0), (2, 4.0), (3, 0.0), (3, 1.0), (3, -1.0)])
+@pytest.mark.long
 def test_labels_carry_units_and_stay_inside_and_apart(dimension, drift):
     history = synthetic_run.history(dimension)
     along = drift * history.t[:, None] * np.eye(dimension)[-1]  # along y in the plane, up or down in space

@@ -83,6 +83,7 @@ def few_and_many(few, many):
 
 
 @few_and_many(150, 4000)
+@pytest.mark.long
 def test_changed_values_and_keys(examples):
     counts = fuzz(mappings(), lambda tree: outcome(lambda: load_config(tree)), examples)
     assert min(counts["refused"], counts["accepted"]) > 0.15 * examples

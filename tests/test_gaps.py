@@ -97,6 +97,7 @@ def with_gaps(*gaps):
 
 @linux
 @pytest.mark.parametrize("name", EVERY)
+@pytest.mark.long
 def test_memory_does_not_grow_with_a_gap_nor_with_a_forecast_far_ahead(name):
     """Clocks that are set by a little, pauses of 30 minutes and of a week, and a time of the calendar instead of 0."""
     tracker = built(name)

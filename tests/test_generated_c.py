@@ -85,6 +85,7 @@ def fuzz(program, *arguments):
 
 
 @pytest.mark.parametrize(("folder", "compiler", "level", "standard"), combinations(BUILDS), indirect=["folder"])
+@pytest.mark.long
 def test_no_warnings_and_every_plan_as_it_says(folder, tmp_path, compiler, level, standard):
     program = build(folder, tmp_path, compiler, f"-std={standard}", level, *WARNINGS)
     counts = [int(number) for number in re.findall(r"\d+", fuzz(program, 60, 1))]
@@ -94,12 +95,14 @@ def test_no_warnings_and_every_plan_as_it_says(folder, tmp_path, compiler, level
 
 
 @pytest.mark.parametrize(("folder", "compiler", "sanitizer"), combinations(SANITIZERS), indirect=["folder"])
+@pytest.mark.long
 def test_no_sanitizer_report(folder, tmp_path, compiler, sanitizer):
     flags = ["-O1", f"-fsanitize={sanitizer}", "-fno-sanitize-recover=all"]
     fuzz(build(folder, tmp_path, compiler, "-std=c99", *flags), 60, 2)
 
 
 @pytest.mark.parametrize("folder", ["limits"], indirect=True)
+@pytest.mark.long
 def test_two_threads_with_a_planner_each_give_the_same_bytes(folder, tmp_path):
     flags = ["-std=c99", "-O2", "-pthread", "-D_POSIX_C_SOURCE=200112L", "-DFUZZ_THREADS"]
     fuzz(build(folder, tmp_path, "gcc", *flags), 60, 3, "threads")

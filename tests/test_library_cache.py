@@ -138,6 +138,7 @@ def test_a_library_that_cannot_be_trusted_is_built_again(damage, folder):
     assert len(list(folder.glob("*.so"))) == (2 if damage is another else 1)
 
 
+@pytest.mark.long
 def test_a_damaged_library_of_a_planner_does_not_end_a_run(folder):
     """Cut in the middle of a page, it ended the process with SIGBUS."""
     planner().compile("compiled")

@@ -123,6 +123,7 @@ def test_random_problems_lie_at_the_distance_of_the_start(sea):
     assert away.max() > 1.3 * 33.0
 
 
+@pytest.mark.long
 def test_the_report_has_classes_closed_loops_and_a_verdict(done):
     text = (done.folder / "report.md").read_text(encoding="utf-8")
     assert "## Table classes" in text

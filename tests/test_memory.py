@@ -37,6 +37,7 @@ def held(history):
     return sum(array.nbytes for array in vars(history).values())
 
 
+@pytest.mark.long
 def test_minutes_take_at_most_twice_what_the_history_holds():
     loop, start = build_loop(load_config("case2", ["planner.solver=ipopt"]))
     loop = replace(loop, tracker=Still(), guidance=Stays())

@@ -229,6 +229,7 @@ HARD_WINDOWS = {
 
 @pytest.mark.parametrize("name", HARD_WINDOWS)
 @pytest.mark.parametrize("std", [1e-5, 0.3])
+@pytest.mark.long
 def test_no_window_makes_it_fail(name, std):
     rng = np.random.default_rng(5)
     tracker = NoisyGaussianProcessTracker(2, noise=BearingNoise(std), window=15, tails=4.0)

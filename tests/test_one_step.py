@@ -124,6 +124,7 @@ def test_braking_in_c_is_braking_in_python(degree):
         np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.long
 def test_the_present_spread_is_handed_on_to_the_c(tmp_path):
     found = verify_folder(write_c(Planner(posed("hard", lambda term: term), "compiled"), tmp_path / "planner"))
     assert found.faults == ()
@@ -150,6 +151,7 @@ def test_the_c_of_every_shipped_configuration_says_what_python_says(name, formul
     assert found.difference < 1e-9
 
 
+@pytest.mark.long
 def test_the_c_of_a_configuration_at_sea_says_what_python_says(tmp_path):
     found = verified("sea2d", "hard", 2, tmp_path / "planner")
     assert found.faults == ()

@@ -5,6 +5,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import get_args
 
+import pytest
+
 from gbt_ocp.cli.main import main
 from gbt_ocp.pilot import PilotHealth
 from gbt_ocp.pilot.own_track import Received
@@ -27,6 +29,7 @@ def first_cells(page, heading):
     return re.findall(r"^\| (.*?) \|", rows, re.MULTILINE)
 
 
+@pytest.mark.long
 def test_twenty_lines_give_the_error_of_a_run(capsys):
     lines = program("simulator.md")
     assert len([line for line in lines.splitlines() if line]) <= 20

@@ -176,6 +176,7 @@ def just_over(excess):
     return top
 
 
+@pytest.mark.long
 def test_limits_are_tightened_when_the_executed_piece_breaks_them_between_nodes():
     planner, script = planner_with(solved(just_over(0.02)), solved(just_over(0.005)), solved(just_over(-0.01)))
     plan = planner.solve(REST, **numbers())

@@ -76,6 +76,7 @@ def own_problem(folder, vehicle=None, objective=None, target="Line", dimension=2
 
 @pytest.mark.parametrize("vehicle", ["PlanarPointMass(2.0, 0.5, (8.0, 8.0))", "Unicycle((4.0, 4.0))"])
 @pytest.mark.parametrize("override", ["vehicle.follow=exact", "vehicle.follow=dynamics", "guidance.kind=random"])
+@pytest.mark.long
 def test_a_problem_of_the_users_own_runs_to_its_figures(tmp_path, vehicle, override):
     result = gbt.run(own_problem(tmp_path, vehicle), overrides=[override])
     result.save(tmp_path / "out")
@@ -135,6 +136,7 @@ def called(*arguments, **options):
 IPOPT = ("--set", "planner.solver=ipopt", "planner.formulation=hard")
 
 
+@pytest.mark.long
 def test_command_line_from_end_to_end(tmp_path):
     out = tmp_path / "out"
     done = called("run", "case2", "--set", "duration_s=0.5", *IPOPT, "--out", out)
@@ -227,6 +229,7 @@ main(sys.argv[1:])
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.long
 def test_a_run_killed_while_it_writes_leaves_no_folder_and_the_next_one_cleans_up(tmp_path):
     arguments = ["run", "case1", "--quiet", "--out", str(tmp_path / "out"), "--set", "duration_s=0.3", *IPOPT[1:]]
     killed = subprocess.run([sys.executable, "-c", KILLED_WHILE_WRITING, *arguments], cwd=ROOT, check=False)

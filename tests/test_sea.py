@@ -218,6 +218,7 @@ def sailed(dimension=2, seed=0, duration=70.0, **changes):
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.long
 def test_the_standoff_is_kept_in_closed_loop(dimension):
     run = sailed(dimension, seed=1)
     distance = np.linalg.norm(run["target"] - run["vehicle_pose"][:, :dimension], axis=1)

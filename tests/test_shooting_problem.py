@@ -166,6 +166,7 @@ def test_a_vehicle_that_is_unstable_by_itself_is_kept(pieces):
         state = planner.previous.states[1] + 1e-3
 
 
+@pytest.mark.long
 def test_generated_c_says_what_python_says(tmp_path):
     problem = posed(3).subject_to(KeepOut((0.5, 0.5, 0.5), 0.7), nodes=2)
     folder = write_c(problem.compile("compiled"), tmp_path / "planner")

@@ -119,6 +119,7 @@ def digest(case, seed):
 
 
 @pytest.mark.parametrize("case", ["case2", pytest.param("case6", marks=pytest.mark.slow)])
+@pytest.mark.long
 def test_one_seed_gives_the_same_bytes_in_another_process(case):
     def elsewhere(seed):
         done = subprocess.run(

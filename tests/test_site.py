@@ -63,6 +63,7 @@ def test_a_notebook_was_executed_and_is_in_the_index(name):
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
+@pytest.mark.long
 def test_a_notebook_runs(tmp_path, name):
     for library in ("nbclient", "ipykernel", "pandas", "xarray"):
         pytest.importorskip(library, reason=f"{library} is not installed; it comes with the extra `docs`")
@@ -106,6 +107,7 @@ def is_notebook(page, site):
     return page.with_suffix(".ipynb").relative_to(site.resolve()).as_posix() in NOTEBOOKS
 
 
+@pytest.mark.slow
 def test_the_site_builds_without_warnings_and_all_links_lead_somewhere(tmp_path):
     for library in ("mkdocs", "material", "mkdocstrings", "mkdocs_jupyter"):
         if importlib.util.find_spec(library) is None:

@@ -300,6 +300,7 @@ def test_killed_twice_and_resumed_the_table_is_the_same(tmp_path, runs):
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for child processes in /proc")
+@pytest.mark.long
 def test_workers_take_up_no_further_run_when_the_sweep_is_killed_alone_and_it_is_resumed(tmp_path):
     def state_and_parent(pid):
         try:
@@ -343,6 +344,7 @@ def test_workers_take_up_no_further_run_when_the_sweep_is_killed_alone_and_it_is
 
 @pytest.mark.skipif(os.name != "posix", reason="sends a signal")
 @pytest.mark.parametrize("jobs", [pytest.param("1", marks=pytest.mark.slow), "2"])
+@pytest.mark.long
 def test_interrupt_keeps_what_is_finished_and_says_how_to_go_on(tmp_path, jobs):
     folder = tmp_path / "sweep"
     arguments = ["case1", "--runs", "300", "--set", "duration_s=2.0", "guidance.kind=random", "--jobs", jobs]

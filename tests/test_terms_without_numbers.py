@@ -105,6 +105,7 @@ def test_a_moving_limit_without_numbers_is_a_limit(verb, solver):
 
 
 @pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+@pytest.mark.long
 def test_it_is_generated_with_the_whole_step(tmp_path):
     problem = PLAIN.maximize(Home()).subject_to(Below(9.0))
     assert from_moments(problem)
@@ -131,6 +132,7 @@ problem = TrackingProblem(name="home", dimension=2, description="go home", targe
 '''
 
 
+@pytest.mark.long
 def test_a_run_and_the_generated_planner_of_such_a_problem(tmp_path, capsys):
     path = tmp_path / "home.py"
     path.write_text(PROBLEM)

@@ -50,6 +50,7 @@ def test_generated_c_plans_as_python_does(name, formulation, degree, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "degree"), [("sea2d", 2), ("case5", 3)])
+@pytest.mark.long
 def test_the_steps_are_those_of_the_closed_loop(name, degree, tmp_path):
     """The quick form: one configuration with limits on the target, one of a higher degree."""
     planner, steps = verified(name, "hard", degree, 6, tmp_path / "planner")
