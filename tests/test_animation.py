@@ -32,6 +32,7 @@ def save(folder, dimension=2, steps=30, change=None, **kind):
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.long
 def test_a_gif_has_a_frame_a_step_in_the_colours_of_what_it_shows(tmp_path, dimension):
     folder, history = save(tmp_path / "run", dimension)
     path = write_animation(folder, tmp_path / "run.gif")
@@ -173,6 +174,7 @@ def test_the_page_holds_times_and_positions_in_full(tmp_path):
 @browser
 @pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), UTM], ids=["origin", "utm"])
 @pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.long
 def test_the_page_plays_scrubs_and_tells_in_a_browser(tmp_path, dimension, offset):
     folder, history = save(tmp_path / "run", dimension, change=moved(offset))
     page = write_animation(folder, tmp_path / "page.html")

@@ -141,6 +141,7 @@ def test_two_planners_with_a_prefix_each_work_in_one_program(folders, tmp_path):
         assert subprocess.run([program], capture_output=True, text=True, check=True).stdout.split()[2] == end
 
 
+@pytest.mark.long
 def test_every_symbol_type_and_macro_has_the_prefix(folders, tmp_path):
     archive = library(folders["bow"])
     listed = subprocess.run(["nm", "-g", "--defined-only", archive], capture_output=True, text=True, check=True).stdout
@@ -169,6 +170,7 @@ def test_a_prefix_that_cannot_begin_a_name_is_refused(prefix, tmp_path):
 
 @pytest.mark.parametrize("other", ["long", "slow"])
 @pytest.mark.parametrize("as_objects", [False, True])
+@pytest.mark.long
 def test_two_planners_of_one_prefix_do_not_link(folders, tmp_path, other, as_objects):
     archives = [library(folders["short"]), library(folders[other])]
     if as_objects:
@@ -222,6 +224,7 @@ def test_two_libraries_loaded_into_one_program_keep_to_themselves(folders, tmp_p
 
 
 @pytest.mark.parametrize("standard", ["c++11", "c++20"])
+@pytest.mark.long
 def test_headers_are_usable_from_cpp(folders, tmp_path, standard):
     if shutil.which("g++") is None:
         pytest.skip("no g++")
@@ -361,6 +364,7 @@ def test_a_compiler_that_writes_nothing_is_noticed(folders, tmp_path, monkeypatc
         assert " failed: " in found.faults[0]
 
 
+@pytest.mark.long
 def test_an_example_that_hangs_or_says_nothing_is_noticed(folders, tmp_path, monkeypatch):
     monkeypatch.setattr(building, "RUN_S", 1.0)
     for text, said in (("for (;;);", "not done after 1 s"), ("return 0;", "example printed no result")):

@@ -84,6 +84,7 @@ def test_a_segment_and_the_rest_are_the_same_motion():
 
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.long
 def test_more_freedom_reaches_more(dimension, seed):
     # every parabola is a polynomial of degree 4 too, so its optimum cannot be less; from coasting both find a local one
     least, _ = solved(IpoptSolver, posed(dimension, 2, None), seed)

@@ -24,6 +24,7 @@ def range_residual(bearing, dimension):
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.long
 def test_a_seen_bearing_favours_far_targets_by_the_range_to_the_power_of_d_minus_one(dimension):
     """Conditioned on a direction, the density along the ray is the prior's times r^(d-1); the posterior leaves it out.
 

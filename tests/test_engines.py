@@ -176,6 +176,7 @@ def script(place):
         ),
     ],
 )  # fmt: skip
+@pytest.mark.long
 def test_nothing_of_the_current_folder_is_executed(tmp_path, start, arguments):
     if "--dask" in arguments:
         pytest.importorskip("distributed")

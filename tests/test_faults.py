@@ -37,6 +37,7 @@ def is_sound(recording):
 
 
 @pytest.mark.parametrize("kind", SOLVER_FAULTS)
+@pytest.mark.long
 def test_a_solver_that_fails_for_twenty_steps_is_answered_and_named(kind):
     recording = run(solver=(kind, set(range(8, 28))))
     assert is_sound(recording)

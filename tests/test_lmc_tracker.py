@@ -101,6 +101,7 @@ HARD_WINDOWS = {
 
 @pytest.mark.parametrize("settings", [{}, {"nugget": 1e-16}, {"kernels": ["se", "rq", "matern32"]}], ids=str)
 @pytest.mark.parametrize("name", HARD_WINDOWS)
+@pytest.mark.long
 def test_no_window_is_too_badly_conditioned(name, settings):
     rng = np.random.default_rng(5)
     tracker = CoregionalizedTracker(2, **settings)

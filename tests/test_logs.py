@@ -65,6 +65,7 @@ def meridian(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.long
 def test_the_same_log_in_five_formats_gives_the_same_track(tmp_path, meridian, name):
     log, expected = meridian
     path, bearing_from = written(name, tmp_path, log)

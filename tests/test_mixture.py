@@ -340,6 +340,7 @@ def test_a_range_that_the_motion_does_not_tell_is_left_to_its_prior():
 # ---- further members ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_further_members_are_judged_by_the_same_bins_and_fade():
     """Weights by hand: sums of the scores of each bin, faded with the age of the bin."""
     times = 0.1 * np.arange(260)

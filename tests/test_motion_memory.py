@@ -46,6 +46,7 @@ def at_rest(own, bearings, weights):
 
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("memory", [1.0, 3.0, np.inf])
+@pytest.mark.long
 def test_bearings_that_left_the_window_count_as_much_as_they_are_trusted(dimension, memory):
     times = np.arange(0.0, 40.0 + 1e-9, 0.1)
     target = np.array([3.0, -2.0, 4.0])[:dimension]

@@ -60,6 +60,7 @@ def test_contacts_that_are_near_are_told_apart_by_a_sensor_of_little_noise(tmp_p
 
 
 @pytest.mark.parametrize("seed", range(5))
+@pytest.mark.long
 def test_honest_logs_are_not_warned_of(tmp_path, seed):
     log = write_log(tmp_path / "log.csv", seed=seed)
     assert warned(replay(log, trackers=["motion_gp", "ekf", "imm_ekf"], bearing_from="x", overrides=FAST)) == set()

@@ -183,6 +183,7 @@ def test_other_faults_are_one_line_and_exit_code_2(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.long
 def test_a_log_becomes_a_track_a_table_and_figures(tmp_path, capsys, dimension):
     path = log_of(tmp_path / "log.csv", dimension, north=True, degrees=True)
     config = tmp_path / "quick.yaml"

@@ -210,6 +210,7 @@ def test_a_killed_run_leaves_nothing(tmp_path):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.long
 def test_an_interrupted_run_is_exit_4_and_leaves_nothing(tmp_path):
     code, errors, out = stopped(tmp_path, signal.SIGINT)
     assert code == 4, errors

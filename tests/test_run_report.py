@@ -46,6 +46,7 @@ class Cells(HTMLParser):
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.long
 def test_the_page_has_the_run_in_it_and_loads_nothing(tmp_path, dimension):
     folder, history = save(tmp_path / "run", dimension)
     text = write_report(folder, tmp_path / "page.html").read_text(encoding="utf-8")
@@ -114,6 +115,7 @@ def test_what_a_user_wrote_is_text_and_no_markup(tmp_path):
 
 
 @pytest.mark.parametrize("command", ["report", "animate"])
+@pytest.mark.long
 def test_the_command_line_writes_into_the_run_folder_and_says_what_is_wrong(tmp_path, capsys, command):
     folder, _ = save(tmp_path / "run")
     name = {"report": "report.html", "animate": "animation.html"}[command]

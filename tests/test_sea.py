@@ -325,6 +325,7 @@ def test_a_turn_that_reverses_is_flown_and_recorded_for_the_generated_code():
     assert np.all(np.sign(sight[middle + 1] - sight[middle - 1]) == np.array(senses)[middle])
 
 
+@pytest.mark.long
 def test_options_of_the_compiled_solver_stay_with_it():
     # the wide tolerances of the sea are of no meaning to IPOPT, which plans the same turn with its own
     far = {"vehicle.start.range_m": 80.0, "planner.solver": "ipopt"}

@@ -105,6 +105,7 @@ def test_all_that_has_arrived_can_be_asked_for_at_once():
 
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("frame", ["earth", "bow"])
+@pytest.mark.long
 def test_noise_is_as_large_as_the_sensor_says(dimension, frame):
     """Residuals from the truth over the stated deviations are standard normal, for every kind."""
     target, pose = np.array([20.0, -9.0, 7.0])[:dimension], np.array([3.0, 1.0, -2.0, 0.7])[[0, 1, 2, 3][:dimension]]
@@ -201,6 +202,7 @@ def test_kinds_have_the_same_names_everywhere():
 
 
 @pytest.mark.parametrize("kind", ["ekf", "imm_ekf"])
+@pytest.mark.long
 def test_pings_make_a_run_better(kind):
     errors = []
     for sensors in ([SONAR], [SONAR, PINGER]):

@@ -74,6 +74,7 @@ def test_symbolic_forward_dynamics_are_those_of_the_simulation(vehicle):
 
 
 @pytest.mark.parametrize("vehicle", [PLANAR, SPATIAL], ids=["planar", "spatial"])
+@pytest.mark.long
 def test_runge_kutta_map_against_solve_ivp(vehicle):
     n, rng = vehicle.flat_dimension, np.random.default_rng(0)
     coarse, fine = ShootingPlanner(posed(vehicle)), ShootingPlanner(posed(vehicle), substeps=16)

@@ -119,6 +119,7 @@ def moments(kind, tmp_path, count, start, seed):
 
 
 @pytest.mark.parametrize("kind", [*KINDS[:-1], pytest.param("compare", marks=pytest.mark.slow)])
+@pytest.mark.long
 def test_a_signal_at_a_random_moment(tmp_path, kind):
     assert sum(moments(kind, tmp_path, 2, forked, KINDS.index(kind)).values()) == 2
 

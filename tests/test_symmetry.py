@@ -40,6 +40,7 @@ def planner(solver, dimension):
 @pytest.mark.parametrize("speed", [0.0, 0.5])
 @pytest.mark.parametrize("ahead", [(1, 0), (3, 2), (-1, -1), (1, 0, 0), (0, 0, 1), (1, 1, 1)])
 @pytest.mark.parametrize("solver", ["compiled", "ipopt"])
+@pytest.mark.long
 def test_a_cold_plan_goes_round_what_is_dead_ahead(solver, ahead, speed):
     if solver == "compiled" and find_compiler() is None:
         pytest.skip("no C compiler")

@@ -61,6 +61,7 @@ def test_a_new_vehicle(tmp_path):
     np.testing.assert_allclose(dynamics.history.vehicle_pose[:9], result.history.vehicle_pose[:9], atol=1e-5)
 
 
+@pytest.mark.long
 def test_a_new_constraint(tmp_path):
     history = result_of("new_constraint", tmp_path).history
     reach = np.linalg.norm(history.vehicle_pose[:, :2], axis=1).max()
