@@ -8,11 +8,12 @@ from typing import cast
 from numpy.typing import ArrayLike
 
 from gbt_ocp.experiments.config.schema import Configuration
-from gbt_ocp.guidance.information import Criterion, FisherInformation, NearInformation, PosteriorVariance
+from gbt_ocp.guidance.information import Criterion, FisherInformation, NearInformation
 from gbt_ocp.guidance.objectives import BearingSimilarity
 from gbt_ocp.guidance.past import PastBearings
+from gbt_ocp.guidance.path_information import PosteriorVariance
 from gbt_ocp.models.contracts import made
-from gbt_ocp.ocp import JointObjective, Objective
+from gbt_ocp.ocp import AnyObjective, Objective
 from gbt_ocp.tracking.protocol import (
     JointForecast,
     JointlyGaussian,
@@ -23,7 +24,7 @@ from gbt_ocp.tracking.protocol import (
 )
 
 
-def build_objective(configuration: Configuration) -> Objective | JointObjective:
+def build_objective(configuration: Configuration) -> AnyObjective:
     """What the plan maximises: the problem's own objective, or the one that is asked for."""
     section, d = configuration.planner, configuration.dimension
     own = configuration.problem_object.objective
@@ -39,7 +40,7 @@ def build_objective(configuration: Configuration) -> Objective | JointObjective:
     return FisherInformation(d, criterion, section.range_reference_m)
 
 
-def build_past(configuration: Configuration, objective: Objective | JointObjective) -> PastBearings | None:
+def build_past(configuration: Configuration, objective: AnyObjective) -> PastBearings | None:
     """Where the window's bearings are kept, for an objective that counts them."""
     if not isinstance(objective, FisherInformation):
         return None
@@ -50,7 +51,7 @@ def build_past(configuration: Configuration, objective: Objective | JointObjecti
 
 
 def build_joint(
-    configuration: Configuration, objective: Objective | JointObjective, tracker: Tracker | PositionTracker | None
+    configuration: Configuration, objective: AnyObjective, tracker: Tracker | PositionTracker | None
 ) -> Callable[[ArrayLike], JointForecast] | None:
     """Where the covariance of several positions comes from, for an objective that needs it.
 

@@ -76,8 +76,7 @@ class PlannerSection(Section):
         "condition_number",
     ] = key(
         "similarity",
-        "What the plan maximises (of the variance and the condition number: minimises); all but similarity and "
-        "fisher_trace need IPOPT.",
+        "What the plan maximises (of the variance and the condition number: minimises).",
     )
     similarity: Literal["signed", "axial"] = key(
         "signed", "Whether a bearing opposite to the desired one counts as the worst, as in the paper, or the same."

@@ -1,5 +1,6 @@
 #include "gbt_pieces.h"
 
+#include "gbt_coupling.h"
 #include "gbt_math.h"
 
 void gbt_taylor(gbt_real s, gbt_real power[GBT_ORDERS])
@@ -116,12 +117,24 @@ void gbt_lengthen(const gbt_real *last, gbt_real *added)
     for (int a = 0; a < GBT_FREE; a++) added[a] = 0;
 }
 
-gbt_real gbt_term(gbt_piece piece, const gbt_real *numbers)
+void gbt_add_terms(gbt_piece piece, const gbt_real *numbers, gbt_real *total)
 {
-    gbt_real point[GBT_POINT], value;
+    gbt_real point[GBT_POINT], value[GBT_TERMS];
     gbt_point_after(piece, GBT_PERIOD, point);
-    gbt_objective.value(point, numbers, 0, &value);
-    return value;
+    gbt_objective.value(point, numbers, 0, value);
+    for (int k = 0; k < GBT_TERMS; k++) total[k] += value[k];
+}
+
+void gbt_total(const gbt_workspace *work, gbt_piece piece[], gbt_real *total)
+{
+    gbt_real power[GBT_ORDERS], point[GBT_POINT], value[GBT_TERMS];
+    gbt_taylor(GBT_PERIOD, power);
+    for (int k = 0; k < GBT_TERMS; k++) total[k] = work->before[k];
+    for (int i = 0; i < work->pieces; i++) {
+        point_at(piece[i], power, point);
+        gbt_objective.value(point, work->parameters + i * GBT_END_NUMBERS, 0, value);
+        for (int k = 0; k < GBT_TERMS; k++) total[k] += value[k];
+    }
 }
 
 void gbt_inputs_after(gbt_piece piece, gbt_real share, gbt_real *inputs)
@@ -151,13 +164,8 @@ void gbt_try(gbt_workspace *work, gbt_real alpha)
 
 gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
 {
-    gbt_real power[GBT_ORDERS], point[GBT_PLACE], value[GBT_ROWS], f = 0;
-    gbt_taylor(GBT_PERIOD, power);
-    for (int i = 0; i < work->pieces; i++) {
-        point_at(piece[i], power, point);
-        gbt_objective.value(point, work->parameters + i * GBT_END_NUMBERS, 0, value);
-        f -= value[0];
-    }
+    gbt_real power[GBT_ORDERS], point[GBT_PLACE], value[GBT_ROWS], total[GBT_TERMS];
+    gbt_total(work, piece, total);
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
         for (int k = limit->first; k <= limit->intervals; k++) {
@@ -171,17 +179,18 @@ gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
             }
         }
     }
-    return f;
+    return -gbt_gain(total);
 }
 
 void gbt_differentiate(gbt_workspace *work)
 {
     gbt_real power[GBT_ORDERS], point[GBT_PLACE], slope[GBT_POINT];
     gbt_real *jacobian = work->jacobian;
+    gbt_value_sums(work);
     gbt_taylor(GBT_PERIOD, power);
     for (int i = 0; i < work->pieces; i++) {
         point_at(work->piece[i], power, point);
-        gbt_objective.gradient(point, work->parameters + i * GBT_END_NUMBERS, 0, slope);
+        gbt_objective.gradient(point, work->parameters + i * GBT_END_NUMBERS, work->worth, slope);
         for (int a = 0; a < GBT_POINT; a++) slope[a] = -slope[a];
         for (int l = 0; l < GBT_ORDERS; l++)
             for (int j = 0; j < GBT_FLAT; j++) work->gradient[i][l][j] = 0;
@@ -264,14 +273,15 @@ void gbt_assemble(gbt_workspace *work)
 {
     gbt_real power[GBT_ORDERS], point[GBT_PLACE], entry[GBT_ENTRIES], first[GBT_ROWS], second[GBT_ROWS];
     const gbt_real *lambda = work->lambda, *sigma = work->sigma;
-    const gbt_real weight = -1;
+    gbt_real weight[GBT_TERMS];
+    for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
 
     gbt_taylor(GBT_PERIOD, power);
     for (int i = 0; i < work->pieces; i++) {
         for (int a = 0; a < GBT_PIECE; a++)
             for (int c = 0; c < GBT_PIECE; c++) work->curvature[i][a][c] = 0;
         point_at(work->piece[i], power, point);
-        gbt_objective.hessian(point, work->parameters + i * GBT_END_NUMBERS, &weight, entry);
+        gbt_objective.hessian(point, work->parameters + i * GBT_END_NUMBERS, weight, entry);
         add_half(power, entry, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column,
                  work->curvature[i]);
     }
@@ -299,3 +309,10 @@ void gbt_assemble(gbt_workspace *work)
                 work->curvature[i][a][c] = work->curvature[i][c][a] =
                     work->curvature[i][a][c] + work->curvature[i][c][a];
 }
+
+#if GBT_SUMS
+void gbt_end_point(gbt_workspace *work, int i, gbt_real *point)
+{
+    gbt_point_after(work->piece[i], GBT_PERIOD, point);
+}
+#endif

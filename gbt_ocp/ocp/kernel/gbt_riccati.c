@@ -27,25 +27,59 @@ static void add_rest(const gbt_real *power, gbt_real rest[GBT_STATE][GBT_STATE],
     }
 }
 
+/* Quadratic model from piece i on, of which only the lower triangle is kept. */
+static void add_piece(const gbt_workspace *work, int i, const gbt_real *power, gbt_real delta,
+                      gbt_real rest[GBT_STATE][GBT_STATE], gbt_real h[GBT_PIECE][GBT_PIECE])
+{
+    for (int a = 0; a < GBT_PIECE; a++)
+        for (int c = 0; c <= a; c++) h[a][c] = work->curvature[i][a][c];
+    for (int a = GBT_FLAT; a < GBT_STATE; a++) {
+        const gbt_real unit =
+            gbt_input_scale[a % GBT_FLAT] * gbt_pow(GBT_PERIOD, (gbt_real)(GBT_JOINED - a / GBT_FLAT));
+        rest[a][a] += delta / (unit * unit);
+    }
+    /* what the derivatives at the end do not see */
+    for (int a = GBT_FLAT; a < GBT_FREE; a++)
+        h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
+    add_rest(power, rest, h);
+}
+
+#if GBT_SUMS /* the recursion is that of gbt_coupling.c */
+void gbt_end_model(const gbt_workspace *work, gbt_real rest[GBT_STATE][GBT_STATE])
+{
+    (void)work;
+    for (int a = 0; a < GBT_STATE; a++)
+        for (int c = 0; c < GBT_STATE; c++) rest[a][c] = 0;
+}
+
+void gbt_piece_model(const gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],
+                     gbt_real h[GBT_PIECE][GBT_PIECE])
+{
+    gbt_real power[GBT_ORDERS];
+    gbt_taylor(GBT_PERIOD, power);
+    add_piece(work, i, power, delta, rest, h);
+}
+
+void gbt_end_slopes(const gbt_workspace *work, int i, gbt_real slopes[GBT_STATE][GBT_PIECE])
+{
+    gbt_real power[GBT_ORDERS];
+    (void)work;
+    (void)i;
+    gbt_taylor(GBT_PERIOD, power);
+    for (int a = 0; a < GBT_STATE; a++) {
+        for (int c = 0; c < GBT_PIECE; c++) slopes[a][c] = 0;
+        for (int k = 0; a + k * GBT_FLAT < GBT_PIECE; k++) slopes[a][a + k * GBT_FLAT] = power[k];
+    }
+}
+#else
 int gbt_factorise(gbt_workspace *work, gbt_real delta)
 {
     gbt_real power[GBT_ORDERS], rest[GBT_STATE][GBT_STATE], h[GBT_PIECE][GBT_PIECE];
     gbt_taylor(GBT_PERIOD, power);
     for (int i = work->pieces - 1; i >= 0; i--) {
-        /* Quadratic model from this piece on; only the lower triangle is kept. */
-        for (int a = 0; a < GBT_PIECE; a++)
-            for (int c = 0; c <= a; c++) h[a][c] = work->curvature[i][a][c];
         for (int a = 0; a < GBT_STATE && i == work->pieces - 1; a++)
             for (int c = 0; c < GBT_STATE; c++) rest[a][c] = 0;
-        for (int a = GBT_FLAT; a < GBT_STATE; a++) {
-            const gbt_real unit =
-                gbt_input_scale[a % GBT_FLAT] * gbt_pow(GBT_PERIOD, (gbt_real)(GBT_JOINED - a / GBT_FLAT));
-            rest[a][a] += delta / (unit * unit);
-        }
-        /* what the derivatives at the end do not see */
-        for (int a = GBT_FLAT; a < GBT_FREE; a++)
-            h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
-        add_rest(power, rest, h);
+        add_piece(work, i, power, delta, rest, h);
 
         /* Cholesky factor of its part in what is free. */
         gbt_real(*factor)[GBT_FREE] = work->factor[i];
@@ -110,3 +144,4 @@ void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[])
         if (i + 1 < work->pieces) gbt_next_piece(work->step[i], work->step[i + 1]);
     }
 }
+#endif
