@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import cast
 
 from numpy.typing import ArrayLike
 
 from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.experiments.config.sensor import SensorSection
 from gbt_ocp.guidance.information import Criterion, FisherInformation, NearInformation
 from gbt_ocp.guidance.objectives import BearingSimilarity
 from gbt_ocp.guidance.past import PastBearings
-from gbt_ocp.guidance.path_information import PosteriorVariance
+from gbt_ocp.guidance.path_information import MotionCriterion, MotionInformation, PosteriorVariance
 from gbt_ocp.models.contracts import made
 from gbt_ocp.ocp import AnyObjective, Objective
+from gbt_ocp.tracking.path_belief import PathBelief, PathForecast
 from gbt_ocp.tracking.protocol import (
     JointForecast,
     JointlyGaussian,
@@ -22,6 +25,9 @@ from gbt_ocp.tracking.protocol import (
     Tracker,
     WeighedForecasts,
 )
+
+LEAST_NOISE_DEG = 0.1
+"""Standard deviation of a bearing in degrees that a plan reckons with where the sensor has none."""
 
 
 def build_objective(configuration: Configuration) -> AnyObjective:
@@ -36,6 +42,8 @@ def build_objective(configuration: Configuration) -> AnyObjective:
         return NearInformation(d, section.range_reference_m)
     if section.objective == "posterior_variance":
         return PosteriorVariance(d, section.pieces)
+    if section.objective.startswith("motion_"):
+        return MotionInformation(d, section.pieces, cast(MotionCriterion, section.objective.removeprefix("motion_")))
     criterion = cast(Criterion, section.objective.removeprefix("fisher_"))
     return FisherInformation(d, criterion, section.range_reference_m)
 
@@ -68,6 +76,36 @@ def build_joint(
             f"whose posterior does not depend on what is measured, found {configuration.tracker.kind}"
         )
     return tracker.joint
+
+
+def build_path(
+    configuration: Configuration, objective: AnyObjective, tracker: Tracker | PositionTracker | None
+) -> PathForecast | None:
+    """Where the covariance of the target's path comes from, for an objective that needs it.
+
+    The bearings of a piece count together, those expected to be missed left out, with the noise that the tracker
+    reckons with, and at least :data:`LEAST_NOISE_DEG`.
+    """
+    if not isinstance(objective, MotionInformation) or tracker is None:
+        return None
+    noise = getattr(configuration.tracker, "noise", None)
+    assumed = (getattr(noise, "std_deg", None), getattr(configuration.tracker, "bearing_std_deg", None))
+    deviation = max(LEAST_NOISE_DEG, configuration.bearing_noise_deg, *(found or 0.0 for found in assumed))
+    return PathBelief(
+        tracker, math.radians(deviation) ** 2 / bearings_a_piece(configuration), configuration.planner.ahead_s
+    )
+
+
+def bearings_a_piece(configuration: Configuration) -> float:
+    """How many bearings are expected over a piece of a plan."""
+    sensors = [configuration.sensor] if isinstance(configuration.sensor, SensorSection) else configuration.sensor
+    period = configuration.planner.period_s or configuration.period_s
+    seen = [
+        (1.0 - one.missed_probability) * period / one.period_s
+        for one in sensors
+        if isinstance(one, SensorSection) or one.gives_bearings
+    ]
+    return max(sum(seen), 1.0)
 
 
 def build_hypotheses(
