@@ -28,6 +28,8 @@ from gbt_ocp.typing import Array
 COORDINATES = 6
 """Of a path, at most: the number of sums grows with its square, and their derivatives with its fourth power."""
 
+SUBSPACE_ITERATIONS = 4
+
 ROUND_OFF = 1.0e-9
 """Variance, as a share of the mean one, below which what the positions asked about have is round-off."""
 
@@ -88,13 +90,27 @@ def coordinates(covariance: Array, pieces: int, asked: Sequence[int], modes: int
     information = np.linalg.inv(own)
     weights = full[: pieces * d, rows] @ information
     left = full[: pieces * d, : pieces * d] - weights @ full[rows, : pieces * d]
-    values, vectors = np.linalg.eigh(0.5 * (left + left.T))
-    largest = vectors[:, ::-1][:, :modes] * np.sqrt(np.maximum(values[::-1][:modes], 0.0))
-    rest = np.diag(left - largest @ largest.T).reshape(pieces, d).mean(axis=1)
+    largest = _largest_modes(left, modes)
+    rest = (np.diag(left) - np.sum(largest**2, axis=1)).reshape(pieces, d).mean(axis=1)
     size = len(rows) + modes
     whole = np.eye(size)
     whole[: len(rows), : len(rows)] = 0.5 * (information + information.T)
     return Coordinates(np.hstack([weights, largest]).reshape(pieces, d, size), np.maximum(rest, 0.0), whole)
+
+
+def _largest_modes(covariance: Array, count: int) -> Array:
+    """Eigenvectors of the largest eigenvalues times the roots of these ``(n, count)``, by subspace iteration.
+
+    A plan needs a few of them, roughly; all of them take longer than the plan.
+    """
+    if count == 0:
+        return np.zeros((len(covariance), 0))
+    basis = covariance[:, np.linspace(0, len(covariance) - 1, count).astype(int)]
+    for _ in range(SUBSPACE_ITERATIONS):
+        basis = covariance @ np.linalg.qr(basis)[0]
+    basis = np.linalg.qr(basis)[0]
+    values, vectors = np.linalg.eigh(basis.T @ covariance @ basis)
+    return np.asarray(basis @ vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def one_sight(line: Any, loadings: Any, rest: Any, variance: Any) -> Any:
@@ -210,11 +226,11 @@ MotionCriterion = Literal["logdet", "trace"]
 class MotionInformation:
     """How well the target's position and motion are known after the planned bearings (belief-space planning).
 
-    Of the covariance Σ of the positions at the end of the plan and ``ahead`` later, whose difference is the velocity:
-    ``trace`` is ``-(p/2) log tr Σ``, ``logdet`` is ``-(p/(4 d)) (log det Σ(t_p) + log det Σ(t_p + ahead))``. Needs
-    ``forecast`` and ``path`` (:class:`JointMoments` at the endpoints and ``ahead`` after the last one). What the target
-    may do on its way beside going from one to the other counts as noise of the bearings, so that earlier bearings count
-    less.
+    At each of a few stages of the plan, the covariance Σ of the position then and ``ahead`` later, whose difference is
+    the velocity, after the bearings until then: ``trace`` is the mean over the stages of ``-(p/2) log tr Σ``,
+    ``logdet`` that of ``-(p/(4 d)) (log det Σ(t) + log det Σ(t + ahead))``. Needs ``forecast`` and ``path``
+    (:class:`JointMoments` at the endpoints and ``ahead`` after each stage). What the target may do on its way beside
+    going from one position to the other counts as noise of the bearings, so that earlier bearings count less.
 
     Parameters
     ----------
@@ -224,36 +240,52 @@ class MotionInformation:
         p, the endpoints of the plan.
     criterion
         ``logdet`` or ``trace``.
+    stages
+        How many times are asked about, evenly spaced, the last one at the end of the plan.
 
     Raises
     ------
     ValueError
-        If ``pieces`` is not a whole number from 1 on, or the criterion is unknown.
+        If a number is not a whole one from 1 on, there are more stages than pieces, or the criterion is unknown.
     """
 
     dimension: int
     pieces: int
     criterion: MotionCriterion = "logdet"
+    stages: int = 1
 
     def __post_init__(self) -> None:
         at_least("pieces", self.pieces, 1)
+        if at_least("stages", self.stages, 1) > self.pieces:
+            raise ValueError(f"stages: found {self.stages}; allowed: at most pieces = {self.pieces}")
         if self.criterion not in ("logdet", "trace"):
             raise ValueError(f"criterion: found {self.criterion!r}; allowed: logdet, trace")
 
     @property
     def shapes(self) -> Mapping[str, tuple[int, int]]:
-        """Mean, loadings, the parts of a bearing's variance, and the information before the plan."""
-        d = self.dimension
-        return {"mean": (d, 1), "loadings": (d, 2 * d), "variance": (3, 1), "known": (2 * d, 2 * d)}
+        """Mean, and of each stage loadings, parts of a bearing's variance, and the information before the plan."""
+        d, stages = self.dimension, self.stages
+        return {
+            "mean": (d, 1),
+            "loadings": (d, 2 * d * stages),
+            "variance": (2 + stages, 1),
+            "known": (2 * d, 2 * d * stages),
+        }
 
     def accumulated(self, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
-        """Lower triangle of the information about the two positions ``(d (2d+1),)``."""
+        """Lower triangles of the information about the two positions of each stage ``(stages d (2d+1),)``."""
         line, variance = parameters["mean"] - point.z[: self.dimension], parameters["variance"]
-        return packed(parameters["known"] + one_sight(line, parameters["loadings"], variance[2], variance))
+        known, loadings = (ca.horzsplit(parameters[name], 2 * self.dimension) for name in ("known", "loadings"))
+        gained = [one_sight(line, own, variance[2 + stage], variance) for stage, own in enumerate(loadings)]
+        return ca.vertcat(*(packed(before + gain) for before, gain in zip(known, gained, strict=True)))
 
     def of_sums(self, sums: Any) -> Any:
         """The criterion, a CasADi scalar."""
-        matrix, d = unpacked(sums), self.dimension
+        each = sums.shape[0] // self.stages
+        return sum(self._stage(unpacked(part)) for part in ca.vertsplit(sums, each)) / self.stages
+
+    def _stage(self, matrix: Any) -> Any:
+        d = self.dimension
         if self.criterion == "trace":
             return -0.5 * self.pieces * ca.log(trace_of_inverse(matrix))
         both = log_determinant(matrix)
@@ -261,11 +293,24 @@ class MotionInformation:
         return 0.25 * self.pieces / d * (2.0 * both - parts)
 
     def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
-        """Means ``(p, d, 1)``, loadings ``(p, d, 2d)``, variances ``(p, 3, 1)`` and what is known ``(p, 2d, 2d)``."""
+        """Means, loadings, variances and what is known, each ``(p, *shape)`` as of :attr:`shapes`."""
         forecast: Moments = needed(data, "forecast", self)
         path: JointMoments = needed(data, "path", self)
-        found = coordinates(np.asarray(path.covariance, dtype=float), pieces, [pieces - 1, pieces], 0)
-        known = np.zeros((pieces, 2 * self.dimension, 2 * self.dimension))
-        known[0] = found.information
+        covariance, width = np.asarray(path.covariance, dtype=float), 2 * self.dimension
+        known = np.zeros((pieces, width, width * self.stages))
+        loadings = np.zeros((pieces, self.dimension, width * self.stages))
+        variance = np.zeros((pieces, 2 + self.stages, 1))
+        variance[:, :2, 0] = path.floor, path.angle_variance
+        for stage, last in enumerate(stage_ends(pieces, self.stages)):
+            found = coordinates(covariance, pieces, [last, pieces + stage], 0)
+            own = slice(stage * width, (stage + 1) * width)
+            known[0, :, own] = found.information
+            loadings[: last + 1, :, own] = found.loadings[: last + 1]
+            variance[:, 2 + stage, 0] = found.rest
         mean = np.asarray(forecast.mean[:pieces], dtype=float)[..., None]
-        return {"mean": mean, "loadings": found.loadings, "variance": _variances(path, found.rest), "known": known}
+        return {"mean": mean, "loadings": loadings, "variance": variance, "known": known}
+
+
+def stage_ends(pieces: int, stages: int) -> list[int]:
+    """Numbers of the endpoints at the ends of the stages of a plan, counted from 0."""
+    return [round(pieces * (stage + 1) / stages) - 1 for stage in range(stages)]

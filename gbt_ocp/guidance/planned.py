@@ -126,7 +126,7 @@ class PlannedMotion:
         if self._joint is not None:
             data["joint"] = _nothing_seen(p, d)
         if self._path is not None:
-            data["path"] = _nothing_seen(p + 1, d)
+            data["path"] = _nothing_seen(2 * p, d)
         binding.objective_parameters(data)
         binding.limit_parameters(data)
 

@@ -12,7 +12,7 @@ position, V of the velocity, and S twice the symmetric part of that between them
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -81,7 +81,9 @@ class PathBelief:
     angle_variance
         Variance in rad² of the bearings of one piece of a plan together, beside what a tracker says of its own.
     ahead
-        Seconds after the last of the times that are asked for to one that is added.
+        Seconds from some of the times that are asked for to others that are added.
+    stages
+        Numbers of those times, counted from 0.
 
     Raises
     ------
@@ -89,15 +91,18 @@ class PathBelief:
         If the variance is below 0, or ``ahead`` is not above it.
     """
 
-    def __init__(self, tracker: Tracker | PositionTracker, angle_variance: float, ahead: float) -> None:
+    def __init__(
+        self, tracker: Tracker | PositionTracker, angle_variance: float, ahead: float, stages: Sequence[int]
+    ) -> None:
         self._tracker = tracker
         self._angle_variance = not_negative("angle_variance", angle_variance)
         self._ahead = positive("ahead", ahead)
+        self._stages = list(stages)
 
     def __call__(self, now: float, times: ArrayLike) -> JointForecast:
-        """Covariances of the positions at the times ``(K,)`` in seconds, after ``now``, and at the added one."""
+        """Covariances of the positions at the times ``(K,)`` in seconds, after ``now``, and at the added ones."""
         asked, tracker = np.asarray(times, dtype=float), self._tracker
-        t = np.append(asked, asked[-1] + self._ahead)
+        t = np.concatenate([asked, asked[self._stages] + self._ahead])
         if isinstance(tracker, JointlyGaussian):
             found: JointForecast = tracker.joint(t)
             return found._replace(angle_variance=found.angle_variance + self._angle_variance)

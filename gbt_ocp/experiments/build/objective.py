@@ -13,7 +13,7 @@ from gbt_ocp.experiments.config.sensor import SensorSection
 from gbt_ocp.guidance.information import Criterion, FisherInformation, NearInformation
 from gbt_ocp.guidance.objectives import BearingSimilarity
 from gbt_ocp.guidance.past import PastBearings
-from gbt_ocp.guidance.path_information import MotionCriterion, MotionInformation, PosteriorVariance
+from gbt_ocp.guidance.path_information import MotionCriterion, MotionInformation, PosteriorVariance, stage_ends
 from gbt_ocp.models.contracts import made
 from gbt_ocp.ocp import AnyObjective, Objective
 from gbt_ocp.tracking.path_belief import PathBelief, PathForecast
@@ -43,7 +43,8 @@ def build_objective(configuration: Configuration) -> AnyObjective:
     if section.objective == "posterior_variance":
         return PosteriorVariance(d, section.pieces)
     if section.objective.startswith("motion_"):
-        return MotionInformation(d, section.pieces, cast(MotionCriterion, section.objective.removeprefix("motion_")))
+        of_motion = cast(MotionCriterion, section.objective.removeprefix("motion_"))
+        return MotionInformation(d, section.pieces, of_motion, min(section.stages, section.pieces))
     criterion = cast(Criterion, section.objective.removeprefix("fisher_"))
     return FisherInformation(d, criterion, section.range_reference_m)
 
@@ -91,9 +92,9 @@ def build_path(
     noise = getattr(configuration.tracker, "noise", None)
     assumed = (getattr(noise, "std_deg", None), getattr(configuration.tracker, "bearing_std_deg", None))
     deviation = max(LEAST_NOISE_DEG, configuration.bearing_noise_deg, *(found or 0.0 for found in assumed))
-    return PathBelief(
-        tracker, math.radians(deviation) ** 2 / bearings_a_piece(configuration), configuration.planner.ahead_s
-    )
+    variance = math.radians(deviation) ** 2 / bearings_a_piece(configuration)
+    stages = stage_ends(objective.pieces, objective.stages)
+    return PathBelief(tracker, variance, configuration.planner.ahead_s, stages)
 
 
 def bearings_a_piece(configuration: Configuration) -> float:

@@ -113,7 +113,7 @@ void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[]);
 /* What the recursion of gbt_coupling.c needs of a form: the quadratic model of a piece, lower triangle of h, from that of
    what comes after it, which it regularises by delta, too; that model at the end of the last piece; and the slopes of what
    the next piece inherits, GBT_STATE x GBT_PIECE. */
-void gbt_piece_model(const gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],
+void gbt_piece_model(gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],
                      gbt_real h[GBT_PIECE][GBT_PIECE]);
 void gbt_end_model(const gbt_workspace *work, gbt_real rest[GBT_STATE][GBT_STATE]);
 void gbt_end_slopes(const gbt_workspace *work, int i, gbt_real slopes[GBT_STATE][GBT_PIECE]);

@@ -28,7 +28,7 @@ static void add_rest(const gbt_real *power, gbt_real rest[GBT_STATE][GBT_STATE],
 }
 
 /* Quadratic model from piece i on, of which only the lower triangle is kept. */
-static void add_piece(const gbt_workspace *work, int i, const gbt_real *power, gbt_real delta,
+static void add_piece(gbt_workspace *work, int i, const gbt_real *power, gbt_real delta,
                       gbt_real rest[GBT_STATE][GBT_STATE], gbt_real h[GBT_PIECE][GBT_PIECE])
 {
     for (int a = 0; a < GBT_PIECE; a++)
@@ -52,7 +52,7 @@ void gbt_end_model(const gbt_workspace *work, gbt_real rest[GBT_STATE][GBT_STATE
         for (int c = 0; c < GBT_STATE; c++) rest[a][c] = 0;
 }
 
-void gbt_piece_model(const gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],
+void gbt_piece_model(gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],
                      gbt_real h[GBT_PIECE][GBT_PIECE])
 {
     gbt_real power[GBT_ORDERS];

@@ -32,7 +32,7 @@ static void begin_rest(const gbt_workspace *work, gbt_real rest[GBT_STATE][GBT_S
 }
 
 /* Quadratic model from piece i on, of which only the lower triangle is kept. */
-static void add_piece(const gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],
+static void add_piece(gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],
                       gbt_real h[GBT_PIECE][GBT_PIECE])
 {
     for (int a = 0; a < GBT_PIECE; a++)
@@ -48,7 +48,7 @@ static void add_piece(const gbt_workspace *work, int i, gbt_real delta, gbt_real
 #if GBT_SUMS /* the recursion is that of gbt_coupling.c */
 void gbt_end_model(const gbt_workspace *work, gbt_real rest[GBT_STATE][GBT_STATE]) { begin_rest(work, rest); }
 
-void gbt_piece_model(const gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],
+void gbt_piece_model(gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],
                      gbt_real h[GBT_PIECE][GBT_PIECE])
 {
     add_piece(work, i, delta, rest, h);
