@@ -35,6 +35,7 @@ from solver_instances import Instance, closed_loop_instances
 from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.ocp import ShootingProblem, TrajectoryProblem
+from gbt_ocp.ocp.plan_forms import plan_form
 from gbt_ocp.ocp.problem_data import HardLimit
 from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.ocp.solvers.base import Solution, Solver
@@ -181,8 +182,9 @@ class OurRunner:
         # thrust comes in units of its limit, a derivative in units of its natural size
         self._scale = input_scale(posed) if self._flat else np.ones(posed.freedoms)
         self._coasting = np.zeros((posed.pieces, posed.freedoms))
+        self._start = plan_form(posed).start  # the state of the vehicle, where it is integrated
         # the first call pays for what is set up late
-        self._solver.solve(first.start, first.parameters, self._coasting, cold=True, tightening=0.0)
+        self._solver.solve(self._start(first.start), first.parameters, self._coasting, cold=True, tightening=0.0)
         self.steps = Steps(f"this package, {name}", thread_time() - began)
         self.begin()
 
@@ -192,8 +194,9 @@ class OurRunner:
 
     def take(self, item: Instance) -> None:
         """Solve one more step."""
+        start = self._start(item.start)
         began = thread_time()
-        found = self._solver.solve(item.start, item.parameters, self._guess, cold=self._cold, tightening=0.0)
+        found = self._solver.solve(start, item.parameters, self._guess, cold=self._cold, tightening=0.0)
         seconds = thread_time() - began
         variables = found.variables * self._scale
         judge = self._judge.flat if self._flat else self._judge.thrust

@@ -12,10 +12,12 @@ import numpy as np
 from peers.statement import Answer, Statement
 
 TOLERANCE = 1e-4
-"""Of the projected gradient step."""
+"""Of the projected gradient step with the method's own step size (``ProjGradNorm``). Its default, an estimate of the
+residual of the optimality conditions, leaves one step in ten unsolved after 2000 iterations and takes twice the time in
+the median, for an objective that is larger by 0.03 in case 2 and 0.11 in case 5."""
 
 ITERATIONS = 2000
-"""At most; its default of 100 leaves a tenth of the steps unsolved."""
+"""At most; its default is 100."""
 
 
 class AlpaqaPeer:
@@ -34,7 +36,9 @@ class AlpaqaPeer:
         values = ca.vertcat(start, ca.vec(given))
         posed = pa.minimize(total, held).subject_to_box((-box, box)).with_param(values, np.zeros(values.numel()))
         self._problem = posed.compile(sym=ca.SX.sym)
-        self._solver = pa.PANOCSolver({"max_iter": ITERATIONS}, {"memory": n * p})
+        self._solver = pa.PANOCSolver(
+            {"max_iter": ITERATIONS, "stop_crit": pa.PANOCStopCrit.ProjGradNorm}, {"memory": n * p}
+        )
         self._shape = (p, n)
 
     def solve(self, start: Any, parameters: Any, states: Any, held: Any) -> Answer:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import chdir
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import casadi as ca
@@ -37,7 +39,8 @@ class FatropPeer:
         program = {"x": ca.vertcat(*unknowns), "f": total, "g": ca.vertcat(*gaps)}
         program["p"] = ca.vertcat(start, ca.vec(given))
         options = {**CASADI, **COMPILED, "structure_detection": "auto", "equality": equal, "fatrop.print_level": 0}
-        self._solver = ca.nlpsol("fatrop", "fatrop", program, options)
+        with TemporaryDirectory() as folder, chdir(folder):  # where CasADi leaves what it compiles
+            self._solver = ca.nlpsol("fatrop", "fatrop", program, options)
         self._pieces, self._inputs, self._states = p, n, size
         free, box = np.full(size, np.inf), np.full(n, statement.limit)
         self._bound = np.concatenate([*([free, box] * p), free])
