@@ -13,6 +13,7 @@ from gbt_ocp.cli.main import main
 from gbt_ocp.models import Mounting, case_target
 from gbt_ocp.models.measurements import Measurement
 from gbt_ocp.ocp.codegen.library import find_compiler
+from gbt_ocp.ocp.export.verification import verify_folder
 from gbt_ocp.pilot.compiled_ekf import CompiledExtendedKalmanFilter
 from gbt_ocp.pilot.compiled_gp import CompiledGaussianProcessTracker
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
@@ -342,7 +343,7 @@ int main(void)
 def folder(tmp_path_factory):
     """The pilot of case 2 with a prefix."""
     place = tmp_path_factory.mktemp("written") / "c"
-    given = ["--set", "tracker.kind=ekf", "--set", "sensor.noise_deg=0.5", "--prefix", "bow_"]
+    given = ["--set", "tracker.kind=ekf", "sensor.noise_deg=0.5", "duration_s=2.0", "--prefix", "bow_"]
     with pytest.MonkeyPatch.context() as patch:
         # sizes are measured in test_codegen.py; here they would only take time
         patch.setattr("gbt_ocp.ocp.export.folder.find_compiler", lambda: None)
@@ -357,6 +358,23 @@ def test_the_folder_has_the_pilot_for_both_ways_to_build_it(folder):
     assert {f"src/{path.name}" for path in (folder / "src").glob("*.c")} == set(sources.split())
     assert {"src/bow_gbt_pilot.h", "src/bow_gbt_plan.h", "src/bow_gbt_ekf.h"} <= set(headers)
     assert {f"src/{path.name}" for path in (folder / "src").glob("*.h")} >= set(headers)
+
+
+@pytest.mark.long
+def test_the_folder_replays_a_closed_loop_and_says_where_it_differs(folder):
+    found = verify_folder(folder)
+    assert found.faults == ()
+    numbers = found.replayed.replace(",", "").split()
+    assert int(numbers[0]) == 21
+    assert int(numbers[2]) > 15
+    vectors = folder / "pilot_vectors.h"
+    text = vectors.read_text(encoding="utf-8")
+    row = next(line for line in text.splitlines() if "{COMMANDED, 0, 0, 0, 0, 1," in line)
+    vectors.write_text(text.replace(row, row.replace(", {", ", {1e3 + "), 1), encoding="utf-8")
+    faults = verify_folder(folder, flags="-O0").faults
+    vectors.write_text(text, encoding="utf-8")
+    assert len(faults) == 1
+    assert "pilot_example: exit code 1: command at" in faults[0]
 
 
 @pytest.mark.slow
