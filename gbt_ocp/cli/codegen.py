@@ -96,7 +96,7 @@ CODEGEN = Subcommand(
     "write the planner of an experiment as C without dependencies",
     (
         "gbt-ocp codegen case2 --out planner_c --set planner.formulation=hard --verify",
-        "gbt-ocp codegen case2 --out pilot_c --set tracker.kind=ekf --pilot",
+        "gbt-ocp codegen case2 --out pilot_c --pilot --verify",
     ),
     _add_arguments,
     _carry_out,

@@ -27,10 +27,16 @@ COMMANDS = 100
 """Commands that are recorded, at most."""
 
 SHAKEN_BY = (1.0e-12, 1.0e-11)
-"""Relative changes of what goes in under which a command must stay what it is to be compared."""
+"""Relative changes of what goes in, by which is seen how far rounding may move a command."""
 
-STEADY = 1.0e-7
-"""How far such a command may move, over the limit of the thrust."""
+ALLOWED = 100.0
+"""How far the C may be from a command, over how far such changes move it."""
+
+LEAST_ALLOWED = 1.0e-6
+"""Least difference that is allowed, over the limit of the thrust."""
+
+STEADY = 1.0e-3
+"""How far such changes may move a command that is compared, over the limit of the thrust."""
 
 ANSWERS_IN_C: tuple[Received, ...] = get_args(Received)
 """What becomes of an input, by its number in C."""
@@ -40,8 +46,9 @@ class RecordedPilot:
     """Calls of a pilot in closed loop, and the plans that it made.
 
     Where two plans are about equally good, the last bit decides between them, and the two loops part. So the C goes on
-    from Python's plan after each command, and a command counts as ``sure`` only if it stays the same for inputs that
-    rounding might have changed: two further pilots are given such inputs, and remember what the first does.
+    from Python's plan after each command, and how near it has to come to a command follows from two further pilots,
+    which are given inputs that rounding might have changed, and remember what the first does. Commands that these
+    change visibly are not compared.
 
     Parameters
     ----------
@@ -49,6 +56,11 @@ class RecordedPilot:
         Whose parts exist in C.
     commands
         How many are recorded, at most; the duration of the configuration bounds them too.
+
+    Attributes
+    ----------
+    commands, compared
+        How many commands there are, and how many of them are compared.
     """
 
     def __init__(self, configuration: Configuration, commands: int = COMMANDS) -> None:
@@ -63,7 +75,7 @@ class RecordedPilot:
         self._calls: list[str] = []
         self._plans: list[Array] = []
         self._width = max(2 * loop.vehicle.flat_dimension, len(loop.vehicle.thrust_max))
-        self.commands = self.sure = 0
+        self.commands = self.compared = 0
         period = loop.sensor.period
         mover = Mover(loop.vehicle, period, "dynamics", loop.plant)
         state = loop.vehicle.state(start[0], start[1])
@@ -123,7 +135,7 @@ class RecordedPilot:
         numbers[: value.size], numbers[d : d + std.size] = value, std
         sensor = self._sensors.setdefault(one.sensor, len(self._sensors))
         said = {"answer": ANSWERS_IN_C.index(answer), "kind": KINDS_IN_C.index(one.kind), "sensor": sensor}
-        self._add("MEASURED", one.time, numbers, **said, earth=one.frame == "earth", sure=one.std is not None)
+        self._add("MEASURED", one.time, numbers, **said, earth=one.frame == "earth", stated=one.std is not None)
 
     def _commanded(self, time: float) -> Array:
         """The thrust that is asked for at a time ``(m,)``."""
@@ -132,25 +144,26 @@ class RecordedPilot:
         for pilot in self._pilots[1:]:
             pilot.skeleton.put_back(memory)
         thrust, *changed = (np.asarray(one.thrust, dtype=float) for one in (command, *others))
-        moved = np.abs(changed - thrust).max(axis=0) / self._loop.vehicle.thrust_max
-        steady = bool(moved.max() <= STEADY) and all(one.health.notes == command.health.notes for one in others)
+        moved = float((np.abs(changed - thrust).max(axis=0) / self._loop.vehicle.thrust_max).max())
+        steady = moved <= STEADY and all(one.health.notes == command.health.notes for one in others)
         decided = command.decided
         plan = None if decided is None or decided.time < time else decided.plan
         made = isinstance(plan, Plan) and plan.elapsed == 0.0
         if isinstance(plan, Plan) and made:
             self._plans.append(plan.trajectory.top.ravel())
         notes = sum(2**bit for bit, note in enumerate(NOTES) if note in command.health.notes)
-        self._add("COMMANDED", time, thrust, answer=notes, sure=int(steady), plan=len(self._plans) if made else 0)
+        within = max(LEAST_ALLOWED, ALLOWED * moved) if steady else 0.0
+        self._add("COMMANDED", time, thrust, within, answer=notes, plan=len(self._plans) if made else 0)
         self.commands += 1
-        self.sure += steady
+        self.compared += steady
         return thrust
 
-    def _add(self, call: str, time: float, numbers: Array, **said: int) -> None:
+    def _add(self, call: str, time: float, numbers: Array, within: float = 0.0, **said: int) -> None:
         places = ", ".join(
-            str(int(said.get(name, 0))) for name in ("answer", "kind", "sensor", "earth", "sure", "plan")
+            str(int(said.get(name, 0))) for name in ("answer", "kind", "sensor", "earth", "stated", "plan")
         )
         written = ", ".join(repr(number) for number in numbers.tolist())
-        self._calls.append(f"    {{{call}, {places}, {time!r}, {{{written}}}}}")
+        self._calls.append(f"    {{{call}, {places}, {time!r}, {within!r}, {{{written}}}}}")
 
 
 _VECTORS = """/* Generated: a closed loop of the pilot in Python, call by call. */
@@ -161,10 +174,10 @@ enum {{ NAVIGATED, MEASURED, COMMANDED }};
 static const struct {{
     int call;   /* NAVIGATED, MEASURED or COMMANDED */
     int answer; /* what Python answered to an input; the notes of a command */
-    int kind, sensor, earth; /* of a measurement; earth: its frame is stated */
-    int sure;   /* of a measurement: its deviations are stated; of a command: it does not hang on rounding */
-    int plan;   /* number in pilot_plans, from 1, of the plan that a command made; 0: it made none */
+    int kind, sensor, earth, stated; /* of a measurement: whether in the earth frame, whether with deviations */
+    int plan;    /* number in pilot_plans, from 1, of the plan that a command made; 0: it made none */
     double time;
+    double within; /* difference of a command that is allowed, over the limit of the thrust; 0: it hangs on rounding */
     gbt_real numbers[{width}]; /* pose and velocity; value and deviations, GBT_DIMENSION each; thrust */
 }} pilot_calls[PILOT_CALLS] = {{
 {rows}}};

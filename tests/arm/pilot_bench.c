@@ -12,8 +12,8 @@ static gbt_pilot pilot;
 static gbt_command command;
 
 static struct {
-    double time, took, off;
-    int sure, planned, status, origin, iterations, same, steady;
+    double time, took, off, within;
+    int planned, status, origin, iterations, same, steady;
 } steps[PILOT_CALLS];
 
 static double difference(int k)
@@ -33,7 +33,7 @@ static int measure(int k)
     sensor.sensor = pilot_calls[k].sensor;
     sensor.frame = pilot_calls[k].earth ? GBT_EARTH : GBT_AS_CONFIGURED;
     return (int)gbt_pilot_measure(&pilot, (gbt_kind)pilot_calls[k].kind, value,
-                                  pilot_calls[k].sure ? value + GBT_DIMENSION : 0, &sensor, pilot_calls[k].time);
+                                  pilot_calls[k].stated ? value + GBT_DIMENSION : 0, &sensor, pilot_calls[k].time);
 }
 
 int main(void)
@@ -58,12 +58,12 @@ int main(void)
         steps[count].time = time;
         steps[count].took = took;
         steps[count].off = difference(k);
-        steps[count].sure = pilot_calls[k].sure;
+        steps[count].within = pilot_calls[k].within;
         steps[count].planned = pilot.guidance.planned_at == time && command.planned;
         steps[count].status = (int)command.planner;
         steps[count].origin = (int)command.origin;
         steps[count].iterations = pilot.guidance.plan.iterations;
-        if (pilot_calls[k].plan > 0) steady = pilot_calls[k].sure;
+        if (pilot_calls[k].plan > 0) steady = pilot_calls[k].within > 0;
         steps[count].steady = steady;
         steps[count].same = same && command.notes == pilot_calls[k].answer;
         count++;
@@ -75,8 +75,8 @@ int main(void)
     }
     const unsigned long deepest = stack_used(); /* before printf, which takes a good deal of it */
     for (int k = 0; k < count; k++)
-        printf("time %.3f sure %d planned %d status %d origin %d iterations %d same %d steady %d difference %.3g instructions %.0f\n",
-               steps[k].time, steps[k].sure, steps[k].planned, steps[k].status, steps[k].origin, steps[k].iterations,
+        printf("time %.3f within %.3g planned %d status %d origin %d iterations %d same %d steady %d difference %.3g instructions %.0f\n",
+               steps[k].time, steps[k].within, steps[k].planned, steps[k].status, steps[k].origin, steps[k].iterations,
                steps[k].same, steps[k].steady, steps[k].off, steps[k].took);
     printf("commands %d stack %lu pilot %lu planner %lu\n", count, deepest, (unsigned long)gbt_pilot_bytes(),
            (unsigned long)gbt_planner_bytes());
