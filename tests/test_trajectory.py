@@ -27,6 +27,9 @@ def test_value_and_derivatives_are_those_of_scipys_piecewise_polynomial(degree):
     plan, times = trajectory(degree), np.random.default_rng(1).uniform(0.0, 1.2, 50)
     for order in range(degree + 1):
         np.testing.assert_allclose(plan(times, order), as_scipy(plan)(times, nu=order), atol=1e-9)
+    for time in (-0.1, *times[:5], 1.3):
+        exact = [as_scipy(plan)(time, nu=order) for order in range(3)]
+        np.testing.assert_allclose(plan.point(time), exact, atol=1e-9)
     assert plan(times).shape == (50, 3)
     assert plan(0.4).shape == (3,)
     assert (plan.degree, plan.pieces, plan.duration) == (degree, 4, pytest.approx(1.2))

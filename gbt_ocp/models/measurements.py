@@ -6,6 +6,7 @@ counter-clockwise, an elevation from the horizontal upwards. All are in radians,
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, get_args
@@ -208,9 +209,8 @@ class Measurement:
             position[2:] += arm[2:]
         value = self.components.copy()
         direction = None if self.direction is None else np.array(self.direction, dtype=float)
-        std = np.full(value.size, np.nan)
-        if self.std is not None:
-            std = np.broadcast_to(np.asarray(self.std, dtype=float), value.shape).copy()
+        std = np.empty(value.size)
+        std[:] = math.nan if self.std is None else self.std
         if self.frame == "bow":
             if self.kind == "position":
                 value[:2] = _turned(value[:2], yaw + mounting.yaw)
@@ -219,14 +219,17 @@ class Measurement:
                 value[0] += yaw + mounting.yaw
                 if direction is not None:
                     direction[:2] = _turned(direction[:2], yaw + mounting.yaw)
-                std[0] = np.hypot(std[0], heading_std)
+                std[0] = math.hypot(std[0], heading_std)
         return Sighting(self.time, self.kind, value, std, position, self.sensor, direction)
 
 
 def _unit(angles: Array) -> Array:
     """The unit vector of an azimuth ``(2,)``, or of an azimuth and an elevation ``(3,)``."""
-    level = np.array([np.cos(angles[0]), np.sin(angles[0])])
-    return level if angles.size == 1 else np.append(np.cos(angles[1]) * level, np.sin(angles[1]))
+    level = [math.cos(angles[0]), math.sin(angles[0])]
+    if angles.size == 1:
+        return np.array(level)
+    up = math.cos(angles[1])
+    return np.array([up * level[0], up * level[1], math.sin(angles[1])])
 
 
 def _angles(unit: Array) -> list[float]:
@@ -237,5 +240,5 @@ def _angles(unit: Array) -> list[float]:
 
 def _turned(level: Array, angle: float) -> Array:
     """A horizontal vector ``(2,)`` turned by an angle in radians, counter-clockwise."""
-    cosine, sine = np.cos(angle), np.sin(angle)
+    cosine, sine = math.cos(angle), math.sin(angle)
     return np.array([cosine * level[0] - sine * level[1], sine * level[0] + cosine * level[1]])

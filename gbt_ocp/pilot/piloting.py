@@ -227,9 +227,9 @@ class Piloting:
         if latest is not None and decided is not None and isinstance(decided.decision, Plan):
             since = latest.time - decided.time + decided.decision.elapsed
             if latest.time < time <= latest.time + self.parts.navigation_gap and since >= 0.0:
-                both, plan = np.array([since, since + time - latest.time]), decided.decision.trajectory
-                moved, faster = (np.diff(plan(both, order), axis=0)[0] for order in (0, 1))
-                return latest.pose[:n] + moved, latest.rates[:n] + faster
+                trajectory = decided.decision.trajectory
+                then, now = trajectory.point(since), trajectory.point(since + time - latest.time)
+                return latest.pose[:n] + (now.z - then.z), latest.rates[:n] + (now.dz - then.dz)
         return own.pose[:n], own.rates[:n]
 
     def _learn(self) -> None:
@@ -277,20 +277,21 @@ class Piloting:
             said = {"planner": planned.status, "fallback": planned.fallback}
         if isinstance(planned, Plan):
             said |= {"given_up": planned.given_up, "broken_at_start": planned.broken_at_start}
-        found = {
-            "no navigation": decided is None,
-            "navigation old": math.inf > age > self.parts.navigation_gap,
-            "no bearing": heard == -math.inf,
-            "track lost": self._watch.lost,
-            "forecast held": decided is not None and decided.held,
-            "fallback": bool(said.get("fallback")),
-            "given up": bool(said.get("given_up")),
-        }
+        lost = self._watch.lost
+        found = (
+            ("no navigation", decided is None),
+            ("navigation old", math.inf > age > self.parts.navigation_gap),
+            ("no bearing", heard == -math.inf),
+            ("track lost", lost),
+            ("forecast held", decided is not None and decided.held),
+            ("fallback", said.get("fallback")),
+            ("given up", said.get("given_up")),
+        )
         return PilotHealth(
-            notes=tuple(note for note, holds in found.items() if holds),
+            notes=tuple([note for note, holds in found if holds]),
             bearing_age=time - heard,
             navigation_age=age,
-            track_lost=self._watch.lost,
+            track_lost=lost,
             waiting=len(self._waiting),
             received=dict(self._received),
             new_tracks=len(self._online.begun),

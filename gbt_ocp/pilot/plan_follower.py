@@ -4,16 +4,11 @@ from __future__ import annotations
 
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.follower import BANDWIDTH, Follower
-from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory
+from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.typing import Array
 
 ON_PLAN = 1.0e-6
 """Distance from a plan (m, rad, and per second) that counts as on it."""
-
-
-def point_of(trajectory: FlatTrajectory, s: float) -> FlatPoint:
-    """z, ż, z̈ after ``s`` seconds of a trajectory."""
-    return FlatPoint(*(trajectory(s, order) for order in range(3)))
 
 
 class PlanFollower:
@@ -51,4 +46,4 @@ class PlanFollower:
         z, dz = z.copy(), dz.copy()
         z[:d] -= now * water
         dz[:d] -= water
-        return self._follower.thrust(point_of(through, now), point_of(through, middle), z, dz)
+        return self._follower.thrust(through.point(now), through.point(middle), z, dz)

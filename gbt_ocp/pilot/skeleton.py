@@ -14,6 +14,7 @@ import pickle
 from collections import deque
 from collections.abc import Iterator
 from copy import deepcopy
+from functools import cache
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
 from typing import Any
 
@@ -29,22 +30,35 @@ _NEVER_WRITTEN = frozenset(
 
 def _is_fixed(value: Any) -> bool:
     """Whether an object remembers nothing: it is code, or it is written as what it was made from."""
-    kind = type(value)
+    kind: Any = type(value)
+    return _of_fixed_kind(kind)
+
+
+@cache
+def _of_fixed_kind(kind: Any) -> bool:
     foreign = kind.__module__.partition(".")[0] in ("casadi", "ctypes", "_ctypes")
     made_again = any("__reduce__" in above.__dict__ for above in kind.__mro__[:-1])
-    code = isinstance(value, (*_FIXED, Skeleton))
-    return foreign or made_again or code or not (hasattr(value, "__dict__") or _slots(kind))
+    code = issubclass(kind, (*_FIXED, Skeleton))
+    return foreign or made_again or code or not (kind.__dictoffset__ or _slots(kind))
 
 
-def _slots(kind: type) -> list[str]:
+@cache
+def _slots(kind: Any) -> tuple[str, ...]:
     """Names of the attributes for which a class has slots."""
     declared = [above.__dict__.get("__slots__", ()) for above in kind.__mro__]
-    return [name for names in declared for name in ((names,) if isinstance(names, str) else names)]
+    return tuple(name for names in declared for name in ((names,) if isinstance(names, str) else names))
+
+
+@cache
+def _is_shared(kind: Any) -> bool:
+    """Whether objects of a kind are not copied: those that remember nothing, and frozen ones."""
+    return _of_fixed_kind(kind) or getattr(getattr(kind, "__dataclass_params__", None), "frozen", False)
 
 
 def _attributes(one: Any) -> dict[str, Any]:
     """What an object holds, by name."""
-    slots = {name: getattr(one, name) for name in _slots(type(one)) if hasattr(one, name)}
+    kind: Any = type(one)
+    slots = {name: getattr(one, name) for name in _slots(kind) if hasattr(one, name)}
     return {**slots, **getattr(one, "__dict__", {})} if slots else vars(one)
 
 
@@ -98,12 +112,16 @@ class Skeleton:
         made: Any = one
         if kind is dict:
             made = {
-                name: item.copy() if type(item) is np.ndarray else self._copied(item, known)
+                name: item.copy()
+                if type(item) is np.ndarray
+                else item
+                if type(item) in _NEVER_WRITTEN
+                else self._copied(item, known)
                 for name, item in one.items()
             }
         elif kind in (list, deque, set, tuple):
             if not _NEVER_WRITTEN.issuperset(map(type, one)):
-                items = [self._copied(item, known) for item in one]
+                items = [item if type(item) in _NEVER_WRITTEN else self._copied(item, known) for item in one]
                 made = deque(items, one.maxlen) if kind is deque else kind(items)
             elif kind is not tuple:
                 made = one.copy()
@@ -113,12 +131,12 @@ class Skeleton:
         return made
 
     def _copied_object(self, one: Any, known: dict[int, Any]) -> Any:
-        kind = type(one)
+        kind: Any = type(one)
         if isinstance(one, tuple) and hasattr(kind, "_make"):
             return kind._make(self._copied(item, known) for item in one)
         if isinstance(one, np.random.Generator | dict | list | set | deque):
             return deepcopy(one)
-        if _is_fixed(one) or getattr(getattr(kind, "__dataclass_params__", None), "frozen", False):
+        if _is_shared(kind):
             return one
         made = object.__new__(kind)
         _set_attributes(made, self._copied(_attributes(one), known))

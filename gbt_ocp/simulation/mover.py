@@ -16,7 +16,7 @@ from gbt_ocp.models.vehicles import Vehicle, acceleration
 from gbt_ocp.ocp.follower import BANDWIDTH, samples
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.pilot.plan_follower import ON_PLAN, PlanFollower, point_of
+from gbt_ocp.pilot.plan_follower import ON_PLAN, PlanFollower
 from gbt_ocp.pilot.setpoint import setpoint_of
 from gbt_ocp.simulation.autopilot import Autopilot
 from gbt_ocp.simulation.plant import Motion, Plant, gives_power
@@ -141,7 +141,7 @@ class Mover:
             return Move(end, reached, thrust[0], peak, off_plan=0.0, thrust_mean=mean, power=power)
 
         def applied(s: float) -> Array:
-            wanted = np.asarray(self._thrust_at(*point_of(through, s))).ravel()
+            wanted = np.asarray(self._thrust_at(*through.point(s))).ravel()
             return self._range.clip(wanted)
 
         before = self._motion.work

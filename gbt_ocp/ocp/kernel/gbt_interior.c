@@ -11,7 +11,7 @@
 #define FRACTION ((gbt_real)0.99)       /* of the way to zero that a multiplier may go in one step */
 #define ARMIJO ((gbt_real)1e-4)
 #define SHORTEST ((gbt_real)1e-10)      /* step at which the line search gives up */
-#define MU_LAST ((gbt_real)1e-5)        /* the last mu, at most: where there are few limits */
+#define FEWEST ((gbt_real)40)           /* sides of a piece among which the gap is shared, at least */
 #define NEAR_ENOUGH ((gbt_real)20)     /* error over mu at which mu is lowered */
 #define DELTA_FIRST ((gbt_real)1e-5)    /* first regularisation of an indefinite Hessian */
 #define DELTA_LAST ((gbt_real)1e12)
@@ -188,7 +188,7 @@ int gbt_make_ready(gbt_workspace *work, gbt_real mu)
 
 gbt_real gbt_last_barrier(const gbt_settings *settings)
 {
-    return gbt_fmin(settings->gap * GBT_PIECES / (GBT_COUNT > 0 ? GBT_COUNT : 1), MU_LAST);
+    return settings->gap / gbt_fmax((gbt_real)GBT_COUNT / GBT_PIECES, FEWEST);
 }
 
 gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int iterations, gbt_workspace *work,
