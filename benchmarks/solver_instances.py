@@ -34,12 +34,13 @@ class Instance:
 
 
 class Recorder:
-    """A solver that keeps what it was asked. It has no steps of its own, so a planner takes them by the ladder."""
+    """A solver that keeps what it was asked."""
 
     name = "recorder"
 
     def __init__(self, solver: CompiledSolver) -> None:
         self._solver = solver
+        self.check = solver.check
         self.asked: list[Instance] = []
 
     def solve(
@@ -87,8 +88,7 @@ def closed_loop_instances(
     overrides.append(f"planner.pieces={pieces}")
     loop, start = build_loop(load_config(case, overrides=overrides, seed=seed))
     guidance: Any = loop.guidance  # the configurations plan
-    problem = guidance.planner.problem
-    recorder = Recorder(guidance.planner.solver)
+    problem, recorder = guidance.planner.problem, Recorder(guidance.planner.solver)
     guidance.planner = Planner(problem, recorder)
     simulate(loop, start, seconds)
     return problem, recorder.asked

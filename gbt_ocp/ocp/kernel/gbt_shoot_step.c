@@ -39,37 +39,9 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
             h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
         for (int a = 0; a < GBT_DIMENSION && delta > 0; a++) rest[a][a] += PLACE * delta;
         add_rest(work->slopes[i], rest, h);
-
-        /* Cholesky factor of its part in what is free. */
-        gbt_real(*factor)[GBT_FREE] = work->factor[i];
-        for (int a = 0; a < GBT_FREE; a++) {
-            const gbt_real natural = gbt_fabs(h[GBT_STATE + a][GBT_STATE + a]);
-            for (int c = 0; c <= a; c++) {
-                gbt_real value = h[GBT_STATE + a][GBT_STATE + c];
-                for (int k = 0; k < c; k++) value -= factor[a][k] * factor[c][k];
-                if (c < a)
-                    factor[a][c] = value / factor[c][c];
-                else if (value > 10 * GBT_EPSILON * natural)
-                    factor[a][a] = gbt_sqrt(value);
-                else
-                    return 0; /* also where value is NaN */
-            }
-        }
-
-        /* Eliminate it: the gain, and the model of the rest as a function of the state. */
-        gbt_real(*gain)[GBT_STATE] = work->gain[i];
-        for (int a = 0; a < GBT_FREE; a++) {
-            for (int c = 0; c < GBT_STATE; c++) gain[a][c] = h[GBT_STATE + a][c];
-            for (int k = 0; k < a; k++)
-                for (int c = 0; c < GBT_STATE; c++) gain[a][c] -= factor[a][k] * gain[k][c];
-            for (int c = 0; c < GBT_STATE; c++) gain[a][c] /= factor[a][a];
-        }
-        for (int a = 0; a < GBT_STATE; a++)
-            for (int c = 0; c <= a; c++) {
-                gbt_real value = h[a][c];
-                for (int k = 0; k < GBT_FREE; k++) value -= gain[k][a] * gain[k][c];
-                rest[a][c] = rest[c][a] = value;
-            }
+        for (int a = 0; a < GBT_PIECE; a++)
+            for (int c = 0; c < a; c++) h[c][a] = h[a][c];
+        if (!gbt_eliminate_free(h, work->factor[i], work->gain[i], rest)) return 0;
     }
     return 1;
 }
