@@ -171,7 +171,7 @@ def test_an_interrupted_comparison_goes_on_where_it_stopped(few, tmp_path, monke
 
 def test_a_formulation_that_no_chosen_solver_solves_is_refused():
     with pytest.raises(
-        ConfigurationError, match="found 'penalty', which no solver of compiled solves; allowed: elastic"
+        gbt.ConfigurationError, match="found 'penalty', which no solver of compiled solves; allowed: elastic"
     ):
         treatments.chosen_pairs(["penalty", "hard"], ["compiled"])
     assert treatments.chosen_pairs(FORMULATIONS, ["compiled"])
