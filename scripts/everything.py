@@ -65,6 +65,14 @@ def quick(job: Job) -> Job:
     return replace(job, command=tuple(command))
 
 
+def going_on(arguments: Sequence[str]) -> list[str]:
+    """Arguments that go on in a folder that was begun, where a command has an option for that."""
+    found = list(arguments)
+    if "reproduce" in found and Path(found[found.index("--out") + 1]).exists():
+        found[found.index("--out")] = "--resume"
+    return found
+
+
 def own(*arguments: str) -> tuple[str, ...]:
     """The arguments of a command of ``gbt-ocp``."""
     return ("-m", "gbt_ocp.cli", *arguments, "--quiet")
@@ -167,7 +175,7 @@ def carry_out(job: Job, out: Path, tracks: str) -> dict[str, Any]:
     folder = out / job.name
     folder.mkdir(parents=True, exist_ok=True)
     values = {OUT: str(folder), TRACKS: tracks}
-    arguments = [_filled(part, values) for part in job.command]
+    arguments = going_on([_filled(part, values) for part in job.command])
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
     described = machine()
     before, began, used = _load(), perf_counter(), os.times()
@@ -260,9 +268,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, help="folder of the results")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these alone")
     parser.add_argument("--tracks", metavar="FOLDER", default="", help="recorded tracks, CSV files with t,x,y")
-    parser.add_argument(
-        "--data", type=Path, metavar="FOLDER", help="write the tables there too: docs/data; not those of --quick"
-    )
+    parser.add_argument("--data", type=Path, metavar="FOLDER", help="write the tables there too: docs/data")
     parser.add_argument("--quick", action="store_true", help="a tenth of the seeds, runs and problems")
     parser.add_argument("--list", action="store_true", help="show what there is")
     arguments = parser.parse_args(argv)
