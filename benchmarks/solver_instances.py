@@ -87,10 +87,11 @@ def closed_loop_instances(
     overrides = [f"planner.formulation={formulation}", f"planner.nodes={nodes}", "planner.solver=compiled"]
     overrides.append(f"planner.pieces={pieces}")
     loop, start = build_loop(load_config(case, overrides=overrides, seed=seed))
-    planner = loop.guidance.planner  # type: ignore[attr-defined]  # the configurations plan
-    planner.solver = recorder = Recorder(planner.solver)
+    guidance: Any = loop.guidance  # the configurations plan
+    problem, recorder = guidance.planner.problem, Recorder(guidance.planner.solver)
+    guidance.planner = Planner(problem, recorder)
     simulate(loop, start, seconds)
-    return planner.problem, recorder.asked
+    return problem, recorder.asked
 
 
 def pursuit_instances(problem: TrajectoryProblem, steps: int) -> list[Instance]:
@@ -102,8 +103,8 @@ def pursuit_instances(problem: TrajectoryProblem, steps: int) -> list[Instance]:
     d, p, period = problem.vehicle.position_dimension, problem.pieces, problem.period
     plane = d == 2
     target, desired = case_target(2 if plane else 5), DesiredBearing(d, 2.0 * np.pi / (1.0 if plane else 0.4))
-    planner = Planner(problem, CompiledSolver(problem, {}))
-    planner.solver = recorder = Recorder(planner.solver)
+    recorder = Recorder(CompiledSolver(problem, {}))
+    planner = Planner(problem, recorder)
     state = np.zeros((2, d + 1))
     state[0, 0] = 3.0
     for step in range(steps + 1):

@@ -26,6 +26,7 @@ from gbt_ocp.ocp.transcription import (
     stacked_size,
     unstacked,
 )
+from gbt_ocp.typing import Array
 
 
 class LimitGrid(NamedTuple):
@@ -70,6 +71,15 @@ class FlatForm:
         """Where a limit is imposed; a penalty also at the node where nothing can change it."""
         given = first_free_node(self._problem, limit.constraint)
         return LimitGrid(limit.nodes, given if isinstance(limit, HardLimit) else 0, bool(given), False, 1.0)
+
+    def node_tables(self, shares: Array) -> tuple[tuple[str, str, Array], ...]:
+        """Type, name and content of what the kernel reads at the nodes of a limit, at these shares of a piece."""
+        powers = (self._problem.period * shares)[:, None] ** np.arange(2 * self._problem.degree + 1)
+        factorials = np.cumprod(np.maximum(np.arange(self._problem.degree + 1), 1))
+        return (
+            ("gbt_real", "taylor", (powers[:, : len(factorials)] / factorials).ravel()),
+            ("gbt_real", "powers", powers.ravel()),
+        )
 
     @property
     def depends_on_place(self) -> bool:
@@ -142,6 +152,10 @@ class ShootingForm:
         begin = ca.substitute(value, self.point[self.width], ca.SX(0))
         given = not ca.depends_on(ca.simplify(begin), self.point[self.states : self.width])
         return LimitGrid(limit.nodes, int(given) if isinstance(limit, HardLimit) else 0, given, False, 1.0)
+
+    def node_tables(self, shares: Array) -> tuple[tuple[str, str, Array], ...]:
+        """None: the share of a piece is all that is read at a node."""
+        return ()
 
     @property
     def depends_on_place(self) -> bool:

@@ -148,3 +148,8 @@ def c_array(kind: str, name: str, values: ArrayLike, *, const: str = "static con
         blocks.append("    " + ",\n    ".join(lines))
     body = "{\n" + "},\n{\n".join(blocks) + "}" if found.ndim == 2 else "\n" + blocks[0]
     return f"{const} {kind} {name}{shape} = {{{body}}};\n"
+
+
+def c_numbers(values: Sequence[float]) -> str:
+    """Initialiser of an array of the planner's numbers, to stand in a macro."""
+    return "{" + ", ".join(f"(gbt_real){value!r}" for value in values) + "}"

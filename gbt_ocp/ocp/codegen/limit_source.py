@@ -89,17 +89,25 @@ def limit_in_c(
     """One constraint with its functions."""
     width, constraint, grid = form.width, limit.constraint, form.grid(limit)
     name, value, place = f"limit{number}", at.value, at.place
-    first, second = ca.SX.sym("first", value.numel()), ca.SX.sym("second", value.numel())
+    row, moved, factors = (
+        ca.SX.sym(*one) for one in (("row", value.numel()), ("moved", width), ("w", 2 * value.numel()))
+    )
+    first, second = ca.vertsplit(factors, value.numel())
     jacobian = ca.jacobian(value, place)[:, :width]
+    slopes, _, _ = nonzeros(jacobian)
+    known = ca.SX.sym("known", slopes.numel())
+    again = ca.SX(jacobian.sparsity(), known)
     curvature = ca.hessian(ca.dot(first, value), place)[0][:width, :width]
-    curvature += ca.mtimes([jacobian.T, ca.diag(second), jacobian])
-    slopes, slope_rows, slope_columns = nonzeros(jacobian)
+    curvature += ca.mtimes([again.T, ca.diag(second), again])
     curves, curve_rows, curve_columns = nonzeros(ca.tril(curvature))
     functions = [
         c_function(f"{name}_value", [place], value),
         c_function(f"{name}_jacobian", [place], slopes),
-        c_function(f"{name}_curvature", [place, first, second], curves),
+        c_function(f"{name}_pull", [known, row], ca.mtimes(again.T, row)),
+        c_function(f"{name}_push", [known, moved], ca.mtimes(again, moved)),
+        c_function(f"{name}_curvature", [place, factors, known], curves),
     ]
+    shares = np.arange(grid.first, grid.intervals + 1) / grid.intervals
     sides = _sides(constraint, at.shift)
     weights, widths = _penalty(problem, number, limit, [side[0] for side in sides], grid.share)
     tables: Sequence[tuple[str, str, Any]] = (
@@ -109,21 +117,22 @@ def limit_in_c(
         ("gbt_real", "side_edge", [side[3] for side in sides]),
         ("gbt_real", "side_weight", weights),
         ("gbt_real", "side_width", widths),
-        ("int", "jacobian_row", slope_rows),
-        ("int", "jacobian_column", slope_columns),
         ("int", "curvature_row", curve_rows),
         ("int", "curvature_column", curve_columns),
+        ("gbt_real", "share", shares),
+        *form.node_tables(shares),
     )
     hard, judged = int(isinstance(limit, HardLimit)), int(problem.judged[number])
     kind = ("GBT_THRUST", "GBT_CERTAIN", "GBT_BELIEVED")[limit_class(problem, constraint)]
+    tables_of_nodes = ", ".join(f"{name}_{table}" for _, table, _ in tables[8:])
     definition = (
-        f"    {{{value.numel()}, {len(sides)}, {grid.intervals}, {grid.first}, {hard}, {kind},\n"
+        f"    {{{value.numel()}, {len(sides)}, {grid.intervals}, {grid.first}, {len(shares)}, {hard}, {kind},\n"
         f"     {int(grid.given)}, {judged}, {int(grid.steady)},\n"
         f"     {name}_side_row, {name}_side_sign, {name}_side_bound,\n"
         f"     {name}_side_edge, {name}_side_weight, {name}_side_width,\n"
-        f"     {name}_value, {name}_jacobian, {name}_curvature,\n"
-        f"     {len(slope_rows)}, {name}_jacobian_row, {name}_jacobian_column,\n"
-        f"     {len(curve_rows)}, {name}_curvature_row, {name}_curvature_column}}"
+        f"     {name}_value, {name}_jacobian, {name}_pull, {name}_push, {name}_curvature,\n"
+        f"     {slopes.numel()}, {len(curve_rows)}, {name}_curvature_row, {name}_curvature_column,\n"
+        f"     {tables_of_nodes}}}"
     )
     return LimitInC(
         functions,
@@ -131,8 +140,8 @@ def limit_in_c(
         "".join(c_array(kind, f"{name}_{table}", entries) for kind, table, entries in tables),
         value.numel(),
         len(sides),
-        grid.intervals + 1 - grid.first,
-        len(slope_rows),
+        len(shares),
+        slopes.numel(),
         len(curve_rows),
     )
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from math import factorial
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from gbt_ocp.models.vehicles import acceleration
-from gbt_ocp.ocp.codegen.expressions import c_array, c_function
+from gbt_ocp.ocp.codegen.expressions import c_array, c_function, c_numbers
 from gbt_ocp.ocp.codegen.limit_source import nonzeros
 from gbt_ocp.ocp.codegen.problem_header import FLAT_FORM, SHOOTING_FORM
 from gbt_ocp.ocp.forms import FlatForm, ShootingForm
@@ -39,7 +40,16 @@ def _flat(problem: PosedProblem, form: FlatForm) -> MotionInC:
         c_function("gbt_vehicle_acceleration", [z, dz, thrust], acceleration(vehicle, z, dz, thrust)),
     ]
     tables = c_array("gbt_real", "gbt_acceleration_scale", vehicle.acceleration_scale, const="const")
-    return MotionInC(FLAT_FORM.format(degree=problem.degree, joined=problem.joined), functions, tables, 0)
+    orders = range(problem.degree + 1)
+    factors = ", ".join(c_numbers([1.0 / (factorial(i) * factorial(k)) for k in orders]) for i in orders)
+    sizes = FLAT_FORM.format(
+        degree=problem.degree,
+        joined=problem.joined,
+        taylor=c_numbers([float(problem.period) ** k / factorial(k) for k in orders]),
+        powers=c_numbers([float(problem.period) ** k for k in range(2 * problem.degree + 1)]),
+        factors=f"{{{factors}}}",
+    )
+    return MotionInC(sizes, functions, tables, 0)
 
 
 def _shooting(form: ShootingForm) -> MotionInC:

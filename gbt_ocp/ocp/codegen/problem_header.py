@@ -23,6 +23,7 @@ GBT_BEGIN_C
 #define GBT_COUNT {count}           /* bounds at all nodes: "sides" */
 #define GBT_SIDES {sides}           /* the same, at least 1: for arrays */
 #define GBT_JACOBIANS {jacobians}
+#define GBT_SOFT {soft}            /* 1 where a limit is a penalty */
 #define GBT_ROWS {rows}              /* values of a constraint at a node, at most */
 #define GBT_ENTRIES {entries}          /* nonzeros of a Hessian at a node, at most */
 #define GBT_INPUTS {inputs}            /* inputs of the vehicle */
@@ -61,7 +62,7 @@ extern const gbt_sum_functions gbt_of_sums;
 
 /* A constraint in units of its limits, imposed at times k T / intervals of every piece, k = first .. intervals. */
 typedef struct {{
-    int rows, sides, intervals, first, hard;
+    int rows, sides, intervals, first, nodes, hard;
     gbt_limit_class kind;
     int given;                       /* at the start of the trajectory no plan can change it */
     int judged;                      /* a piece that breaks it is not executed */
@@ -72,12 +73,18 @@ typedef struct {{
     const gbt_real *weight, *width;  /* the weight of a hard limit's class, or that of a penalty at an inner node and
                                         its half width */
     gbt_function value;              /* (place) -> values; a place is GBT_POINT and GBT_KNOT_NUMBERS numbers */
-    gbt_function jacobian;           /* (place) -> nonzeros */
-    gbt_function curvature;          /* (place, first, second) -> Hessian of first'value + J' diag(second) J */
+    gbt_function jacobian;           /* (place) -> nonzeros, in which J is given below */
+    gbt_function pull;               /* (J, row) -> J' row */
+    gbt_function push;               /* (J, point) -> J point */
+    gbt_function curvature;          /* (place, first and second, J) -> Hessian of first'value + J' diag(second) J */
     int jacobian_entries;
-    const int *jacobian_row, *jacobian_column;
     int curvature_entries;           /* of the lower triangle */
     const int *curvature_row, *curvature_column;
+    const gbt_real *share;           /* of a piece, at each node */
+#if !GBT_SHOOTING
+    const gbt_real *taylor;          /* of each node, s seconds into a piece, GBT_DEGREE + 1 numbers s^k / k!, */
+    const gbt_real *powers;          /* and 2 GBT_DEGREE + 1 numbers s^k */
+#endif
 }} gbt_limit;
 
 extern const gbt_real gbt_input_scale[]; /* natural sizes of what is free in a piece */
@@ -127,6 +134,9 @@ GBT_END_C
 FLAT_FORM = """#define GBT_SHOOTING 0
 #define GBT_DEGREE {degree}            /* L, degree of the polynomials */
 #define GBT_JOINED {joined}            /* derivatives 0 .. that a piece takes over from the one before */
+#define GBT_TAYLOR {taylor} /* T^k / k!: what is in a derivative at the end of a piece of the one k above it */
+#define GBT_POWERS {powers} /* T^k, k = 0 .. 2 L */
+#define GBT_FACTORS {factors} /* 1 / (i! k!) */
 """
 """Sizes of the flat form."""
 

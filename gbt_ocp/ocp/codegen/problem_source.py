@@ -84,6 +84,7 @@ def generate_problem(problem: PosedProblem, options: CompiledOptions | None = No
         count=sides,
         sides=max(sides, 1),
         jacobians=max(jacobians, 1),
+        soft=int(bool(problem.penalties)),
         rows=max([1, *(limit.rows for limit in limits)]),
         entries=max([1, objective.hessian_entries, motion.entries, *(limit.curvature_entries for limit in limits)]),
         inputs=len(problem.vehicle.thrust_max),

@@ -99,38 +99,16 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
         gbt_end_slopes(work, i, slopes);
         carry(slopes, rest.cross, across);
 
-        /* Cholesky factor of its part in what is free, and the gains. */
+        if (!gbt_eliminate_free(h, factor, gain, rest.states)) return 0;
         for (int a = 0; a < GBT_FREE; a++) {
-            const gbt_real natural = gbt_fabs(h[GBT_STATE + a][GBT_STATE + a]);
-            for (int c = 0; c <= a; c++) {
-                gbt_real value = h[GBT_STATE + a][GBT_STATE + c];
-                for (int k = 0; k < c; k++) value -= factor[a][k] * factor[c][k];
-                if (c < a)
-                    factor[a][c] = value / factor[c][c];
-                else if (value > 10 * GBT_EPSILON * natural)
-                    factor[a][a] = gbt_sqrt(value);
-                else
-                    return 0; /* also where value is NaN */
-            }
-            for (int c = 0; c < GBT_STATE; c++) {
-                gbt_real value = h[GBT_STATE + a][c];
-                for (int k = 0; k < a; k++) value -= factor[a][k] * gain[k][c];
-                gain[a][c] = value / factor[a][a];
-            }
-            for (int c = 0; c < SUMS; c++) {
-                gbt_real value = across[GBT_STATE + a][c];
-                for (int k = 0; k < a; k++) value -= factor[a][k] * sum_gain[k][c];
-                sum_gain[a][c] = value / factor[a][a];
-            }
+            for (int c = 0; c < SUMS; c++) sum_gain[a][c] = across[GBT_STATE + a][c];
+            for (int k = 0; k < a; k++)
+                for (int c = 0; c < SUMS; c++) sum_gain[a][c] -= factor[k][a] * sum_gain[k][c];
+            for (int c = 0; c < SUMS; c++) sum_gain[a][c] *= factor[a][a];
         }
 
         /* The model of the rest as a function of state and sums. */
         for (int a = 0; a < GBT_STATE; a++) {
-            for (int c = 0; c <= a; c++) {
-                gbt_real value = h[a][c];
-                for (int k = 0; k < GBT_FREE; k++) value -= gain[k][a] * gain[k][c];
-                rest.states[a][c] = rest.states[c][a] = value;
-            }
             for (int c = 0; c < SUMS; c++) rest.cross[a][c] = across[a][c];
             for (int k = 0; k < GBT_FREE; k++)
                 for (int c = 0; c < SUMS; c++) rest.cross[a][c] -= gain[k][a] * sum_gain[k][c];

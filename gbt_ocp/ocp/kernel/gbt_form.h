@@ -7,6 +7,7 @@
 #ifndef GBT_FORM_H
 #define GBT_FORM_H
 
+#include "gbt_math.h"
 #include "gbt_solver.h"
 
 GBT_BEGIN_C
@@ -23,20 +24,51 @@ static inline gbt_real *gbt_free(gbt_piece piece, int a)
 }
 #endif
 
+/* Eliminates what is free in a piece from the quadratic model h of all that follows from its numbers: the rows of L' of
+   the Cholesky factorisation L L' of its part in what is free, with the reciprocals of the pivots; L^-1 times the rest of
+   its rows, the gain; and the model of what is left as a function of the state. h is symmetric, all of it is read. Returns
+   0 where it is not positive definite. */
+static inline int gbt_eliminate_free(gbt_real h[GBT_PIECE][GBT_PIECE], gbt_real factor[GBT_FREE][GBT_FREE],
+                                     gbt_real gain[GBT_FREE][GBT_STATE], gbt_real rest[GBT_STATE][GBT_STATE])
+{
+    for (int a = 0; a < GBT_FREE; a++) {
+        gbt_real own[GBT_FREE], across[GBT_STATE];
+        for (int c = 0; c < GBT_FREE; c++) own[c] = h[GBT_STATE + a][GBT_STATE + c];
+        for (int c = 0; c < GBT_STATE; c++) across[c] = h[GBT_STATE + a][c];
+        for (int k = 0; k < a; k++) {
+            const gbt_real part = factor[k][a];
+            for (int c = 0; c < GBT_FREE; c++) own[c] -= part * factor[k][c];
+            for (int c = 0; c < GBT_STATE; c++) across[c] -= part * gain[k][c];
+        }
+        /* also false where it is NaN */
+        if (!(own[a] > 10 * GBT_EPSILON * gbt_fabs(h[GBT_STATE + a][GBT_STATE + a]))) return 0;
+        const gbt_real inverse = 1 / gbt_sqrt(own[a]);
+        for (int c = 0; c < GBT_FREE; c++) factor[a][c] = own[c] * inverse;
+        for (int c = 0; c < GBT_STATE; c++) gain[a][c] = across[c] * inverse;
+        factor[a][a] = inverse;
+    }
+    for (int a = 0; a < GBT_STATE; a++) {
+        for (int c = 0; c < GBT_STATE; c++) rest[a][c] = h[a][c];
+        for (int k = 0; k < GBT_FREE; k++)
+            for (int c = 0; c < GBT_STATE; c++) rest[a][c] -= gain[k][a] * gain[k][c];
+    }
+    return 1;
+}
+
 /* Solves L x = b and then L' x = b in place. */
 static inline void gbt_forward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
 {
     for (int a = 0; a < GBT_FREE; a++) {
-        for (int c = 0; c < a; c++) x[a] -= factor[a][c] * x[c];
-        x[a] /= factor[a][a];
+        x[a] *= factor[a][a];
+        for (int c = a + 1; c < GBT_FREE; c++) x[c] -= factor[a][c] * x[a];
     }
 }
 
 static inline void gbt_backward(gbt_real factor[GBT_FREE][GBT_FREE], gbt_real *x)
 {
     for (int a = GBT_FREE - 1; a >= 0; a--) {
-        for (int c = a + 1; c < GBT_FREE; c++) x[a] -= factor[c][a] * x[c];
-        x[a] /= factor[a][a];
+        for (int c = a + 1; c < GBT_FREE; c++) x[a] -= factor[a][c] * x[c];
+        x[a] *= factor[a][a];
     }
 }
 
@@ -110,7 +142,7 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta);
 void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[]);
 
 #if GBT_SUMS
-/* What the recursion of gbt_coupling.c needs of a form: the quadratic model of a piece, lower triangle of h, from that of
+/* What the recursion of gbt_coupling.c needs of a form: the quadratic model h from a piece on, from that of
    what comes after it, which it regularises by delta, too; that model at the end of the last piece; and the slopes of what
    the next piece inherits, GBT_STATE x GBT_PIECE. */
 void gbt_piece_model(gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],

@@ -27,20 +27,21 @@ int gbt_all_finite(const gbt_real *x, int count)
 
 void gbt_weigh_limits(gbt_workspace *work, gbt_real thrust, gbt_real others)
 {
-    gbt_real *c = work->c, *width = work->width;
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        const gbt_real hard = limit->kind == GBT_THRUST ? thrust : others;
-        for (int k = limit->first; k <= limit->intervals; k++) {
-            /* the trapezoidal rule of the penalty */
-            const gbt_real node = k == 0 || k == limit->intervals ? (gbt_real)0.5 : 1;
-            for (int i = 0; i < work->pieces; i++)
+    gbt_real *c = work->c, *inverse = work->inverse, *width = work->width;
+    for (int i = 0; i < work->pieces; i++)
+        for (int q = 0; q < GBT_LIMITS; q++) {
+            const gbt_limit *limit = &gbt_limits[q];
+            const gbt_real hard = limit->kind == GBT_THRUST ? thrust : others;
+            for (int k = limit->first; k <= limit->intervals; k++) {
+                /* the trapezoidal rule of the penalty */
+                const gbt_real node = k == 0 || k == limit->intervals ? (gbt_real)0.5 : 1;
                 for (int r = 0; r < limit->sides; r++) {
-                    *c++ = (limit->hard ? hard : node) * limit->weight[r];
+                    *c = (limit->hard ? hard : node) * limit->weight[r];
+                    *inverse++ = 1 / *c++;
                     *width++ = limit->width[r];
                 }
+            }
         }
-    }
 }
 
 static int belongs(const gbt_limit *limit, gbt_which which)
@@ -53,13 +54,14 @@ gbt_real gbt_worst_side(const gbt_workspace *work, gbt_which which)
 {
     const gbt_real *y = work->y;
     gbt_real worst = -GBT_INFINITY;
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        const int count = (limit->intervals - limit->first + 1) * work->pieces * limit->sides;
-        for (int k = 0; k < count; k++)
-            if (belongs(limit, which) && y[k] > worst) worst = y[k];
-        y += count;
-    }
+    for (int i = 0; i < work->pieces; i++)
+        for (int q = 0; q < GBT_LIMITS; q++) {
+            const gbt_limit *limit = &gbt_limits[q];
+            const int count = limit->nodes * limit->sides;
+            for (int k = 0; k < count && belongs(limit, which); k++)
+                if (y[k] > worst) worst = y[k];
+            y += count;
+        }
     return worst;
 }
 
@@ -121,47 +123,39 @@ static void find_step(gbt_workspace *work)
     gbt_recover(work);
 }
 
-/* Merit after a step alpha, GBT_INFINITY where there is none; leaves work->trial, f_trial and y_trial. */
+/* Merit after a step alpha, GBT_INFINITY where there is none; leaves work->trial, f_trial, y_trial and the slacks there. */
 static gbt_real merit_after(gbt_workspace *work, gbt_real mu, gbt_real alpha)
 {
     gbt_real merit;
     gbt_try(work, alpha);
     work->f_trial = gbt_evaluate(work, work->trial, work->y_trial);
-    merit = work->f_trial + gbt_barrier(work, work->y_trial, mu, alpha);
+    merit = work->f_trial + gbt_barrier(work, mu, alpha);
     return isfinite(merit) ? merit : GBT_INFINITY;
 }
 
 /* What rounding leaves unknown of a merit. */
 static gbt_real noise_of(gbt_real merit) { return 10 * GBT_EPSILON * (1 + gbt_fabs(merit)); }
 
-/* The full step, or the full corrected step, or a part of the step that decreases the merit; returns the part, 0 if
-   there is none. */
-static gbt_real search(gbt_workspace *work, gbt_real mu)
+/* The full step, or the full corrected step, or a part of the step that decreases the merit, of which the slope along the
+   step is given; returns the part, 0 if there is none, and the merit there. */
+static gbt_real search(gbt_workspace *work, gbt_real mu, gbt_real slope, gbt_real *merit)
 {
-    const gbt_real merit = work->f + gbt_barrier(work, work->y, mu, 0);
-    const gbt_real slope = objective_slope(work) + gbt_barrier_slope(work, mu);
-    const gbt_real noise = noise_of(merit);
-    const gbt_real trial = merit_after(work, mu, 1);
-    if (trial <= merit + ARMIJO * slope + noise) return 1;
-    if (trial < GBT_INFINITY) {
+    const gbt_real before = *merit, noise = noise_of(before);
+    *merit = merit_after(work, mu, 1);
+    if (*merit <= before + ARMIJO * slope + noise) return 1;
+    if (*merit < GBT_INFINITY) {
         gbt_correct(work, mu);
         find_step(work);
-        if (merit_after(work, mu, 1) <= merit + ARMIJO * slope + noise) return 1;
+        *merit = merit_after(work, mu, 1);
+        if (*merit <= before + ARMIJO * slope + noise) return 1;
         gbt_eliminate(work, mu);
         find_step(work);
     }
-    for (gbt_real alpha = (gbt_real)0.5; alpha > SHORTEST; alpha /= 2)
-        if (merit_after(work, mu, alpha) <= merit + ARMIJO * alpha * slope + noise) return alpha;
+    for (gbt_real alpha = (gbt_real)0.5; alpha > SHORTEST; alpha /= 2) {
+        *merit = merit_after(work, mu, alpha);
+        if (*merit <= before + ARMIJO * alpha * slope + noise) return alpha;
+    }
     return 0;
-}
-
-/* Whether the step promises less than rounding hides: then the iterate is as good as the precision allows, also where the
-   gradient is larger than the tolerance, as next to a kink of the objective that the precision does not resolve. */
-static int is_flat(gbt_workspace *work, gbt_real mu)
-{
-    const gbt_real merit = work->f + gbt_barrier(work, work->y, mu, 0);
-    const gbt_real slope = objective_slope(work) + gbt_barrier_slope(work, mu);
-    return gbt_fabs(slope) <= noise_of(merit);
 }
 
 static void accept(gbt_workspace *work, gbt_real mu, gbt_real alpha)
@@ -195,15 +189,17 @@ gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int i
                         gbt_result *result)
 {
     const int last = result->iterations + iterations;
-    gbt_real delta = 0;
-    int flat = 0;
+    gbt_real delta = 0, merit;
+    int flat = 0; /* whether the step promises less than rounding hides: then the iterate is as good as the precision
+                     allows, also where the gradient is larger than the tolerance, as next to a kink of the objective
+                     that the precision does not resolve */
 
     if (mu < mu_last || work->count == 0) mu = mu_last;
     work->f = gbt_evaluate(work, work->piece, work->y);
     if (!isfinite(work->f) || !gbt_all_finite(work->y, work->count)) return GBT_NUMERICAL_FAILURE;
     gbt_lift(work, mu);
+    merit = work->f + gbt_centre(work, mu);
     for (;; result->iterations++) {
-        gbt_centre(work, mu);
         gbt_differentiate(work);
         result->residual = residual(work);
         if (isnan(result->residual)) return GBT_NUMERICAL_FAILURE;
@@ -215,7 +211,7 @@ gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int i
                gbt_off_centre(work, mu) <= NEAR_ENOUGH * mu) {
             mu = gbt_fmin(mu / 5, gbt_pow(mu, (gbt_real)1.2));
             if (mu < mu_last) mu = mu_last;
-            gbt_centre(work, mu);
+            merit = work->f + gbt_centre(work, mu);
             flat = 0;
         }
 
@@ -225,9 +221,10 @@ gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int i
         if (added < 0) return GBT_NUMERICAL_FAILURE;
         if (added > 0) delta = added;
         find_step(work);
-        flat = is_flat(work, mu);
+        const gbt_real slope = objective_slope(work) + gbt_barrier_slope(work, mu);
+        flat = gbt_fabs(slope) <= noise_of(merit);
 
-        const gbt_real alpha = search(work, mu);
+        const gbt_real alpha = search(work, mu, slope, &merit);
         if (alpha <= 0) return GBT_NUMERICAL_FAILURE;
         accept(work, mu, alpha);
     }

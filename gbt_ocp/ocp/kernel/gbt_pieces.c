@@ -9,21 +9,26 @@ void gbt_taylor(gbt_real s, gbt_real power[GBT_ORDERS])
     for (int k = 1; k < GBT_ORDERS; k++) power[k] = power[k - 1] * s / (gbt_real)k;
 }
 
+/* The same at the end of a piece. */
+static const gbt_real at_end[GBT_ORDERS] = GBT_TAYLOR;
+
+/* How many numbers from the k-th derivative on belong to a point: three derivatives, or what is left of the piece. */
+#define PART(k) (GBT_ORDERS - (k) < 3 ? (GBT_ORDERS - (k)) * GBT_FLAT : GBT_POINT)
+
+/* Derivative o at a point has power[k] of derivative o + k of the piece: all three of them at once. */
 static void point_at(gbt_piece piece, const gbt_real *power, gbt_real *point)
 {
-    for (int o = 0; o < 3; o++)
-        for (int j = 0; j < GBT_FLAT; j++) {
-            gbt_real value = piece[o][j];
-            for (int k = 1; o + k < GBT_ORDERS; k++) value += power[k] * piece[o + k][j];
-            point[o * GBT_FLAT + j] = value;
-        }
+    const gbt_real *number = &piece[0][0];
+    for (int a = 0; a < GBT_POINT; a++) point[a] = number[a];
+    for (int k = 1; k < GBT_ORDERS; k++)
+        for (int a = 0; a < PART(k); a++) point[a] += power[k] * number[k * GBT_FLAT + a];
 }
 
 static void add_transposed(const gbt_real *power, const gbt_real *point, gbt_piece piece)
 {
-    for (int o = 0; o < 3; o++)
-        for (int k = 0; o + k < GBT_ORDERS; k++)
-            for (int j = 0; j < GBT_FLAT; j++) piece[o + k][j] += power[k] * point[o * GBT_FLAT + j];
+    gbt_real *number = &piece[0][0];
+    for (int k = 0; k < GBT_ORDERS; k++)
+        for (int a = 0; a < PART(k); a++) number[k * GBT_FLAT + a] += power[k] * point[a];
 }
 
 void gbt_point_after(gbt_piece piece, gbt_real s, gbt_real *point)
@@ -38,22 +43,20 @@ void gbt_place_after(gbt_piece piece, gbt_real share, gbt_real *place)
     gbt_point_after(piece, GBT_PERIOD * share, place);
 }
 
-/* What a limit looks at: the point of piece i after a share of it, and the limit's numbers there. */
-static void place_at(const gbt_workspace *work, gbt_piece piece[], int i, gbt_real share,
-                     const gbt_real *power, gbt_real *place)
+/* What a limit looks at: the point of piece i at node k, and the limit's numbers there. */
+static void place_at(const gbt_workspace *work, gbt_piece piece[], int i, const gbt_limit *limit, int k,
+                     gbt_real *place)
 {
-    point_at(piece[i], power, place);
-    gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, share, place);
+    point_at(piece[i], limit->taylor + k * GBT_ORDERS, place);
+    gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, limit->share[k], place);
 }
 
 void gbt_next_piece(gbt_piece piece, gbt_piece next)
 {
-    gbt_real power[GBT_ORDERS];
-    gbt_taylor(GBT_PERIOD, power);
     for (int o = 0; o < GBT_JOINED; o++)
         for (int j = 0; j < GBT_FLAT; j++) {
             gbt_real value = piece[o][j];
-            for (int k = 1; o + k < GBT_ORDERS; k++) value += power[k] * piece[o + k][j];
+            for (int k = 1; o + k < GBT_ORDERS; k++) value += at_end[k] * piece[o + k][j];
             next[o][j] = value;
         }
 }
@@ -99,14 +102,11 @@ void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top)
 /* A piece depends linearly on the one before: its adjoint is the same everywhere. */
 void gbt_adjoint(const gbt_workspace *work, gbt_piece gradient[], gbt_real out[][GBT_FREE])
 {
-    const int pieces = work->pieces;
-    gbt_real power[GBT_ORDERS];
-    gbt_taylor(GBT_PERIOD, power);
-    for (int i = pieces - 1; i >= 0; i--) {
+    for (int i = work->pieces - 1; i >= 0; i--) {
         for (int a = 0; a < GBT_FREE; a++) out[i][a] = *gbt_free(gradient[i], a);
         for (int o = 0; o < GBT_JOINED && i > 0; o++)
             for (int k = 0; o + k < GBT_ORDERS; k++)
-                for (int j = 0; j < GBT_FLAT; j++) gradient[i - 1][o + k][j] += power[k] * gradient[i][o][j];
+                for (int j = 0; j < GBT_FLAT; j++) gradient[i - 1][o + k][j] += at_end[k] * gradient[i][o][j];
     }
 }
 
@@ -120,21 +120,15 @@ void gbt_lengthen(const gbt_real *last, gbt_real *added)
 void gbt_add_terms(gbt_piece piece, const gbt_real *numbers, gbt_real *total)
 {
     gbt_real point[GBT_POINT], value[GBT_TERMS];
-    gbt_point_after(piece, GBT_PERIOD, point);
+    point_at(piece, at_end, point);
     gbt_objective.value(point, numbers, 0, value);
     for (int k = 0; k < GBT_TERMS; k++) total[k] += value[k];
 }
 
 void gbt_total(const gbt_workspace *work, gbt_piece piece[], gbt_real *total)
 {
-    gbt_real power[GBT_ORDERS], point[GBT_POINT], value[GBT_TERMS];
-    gbt_taylor(GBT_PERIOD, power);
     for (int k = 0; k < GBT_TERMS; k++) total[k] = work->before[k];
-    for (int i = 0; i < work->pieces; i++) {
-        point_at(piece[i], power, point);
-        gbt_objective.value(point, work->parameters + i * GBT_END_NUMBERS, 0, value);
-        for (int k = 0; k < GBT_TERMS; k++) total[k] += value[k];
-    }
+    for (int i = 0; i < work->pieces; i++) gbt_add_terms(piece[i], work->parameters + i * GBT_END_NUMBERS, total);
 }
 
 void gbt_inputs_after(gbt_piece piece, gbt_real share, gbt_real *inputs)
@@ -164,46 +158,38 @@ void gbt_try(gbt_workspace *work, gbt_real alpha)
 
 gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
 {
-    gbt_real power[GBT_ORDERS], point[GBT_PLACE], value[GBT_ROWS], total[GBT_TERMS];
+    gbt_real place[GBT_PLACE], value[GBT_ROWS], total[GBT_TERMS];
     gbt_total(work, piece, total);
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        for (int k = limit->first; k <= limit->intervals; k++) {
-            const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
-            gbt_taylor(GBT_PERIOD * share, power);
-            for (int i = 0; i < work->pieces; i++) {
-                place_at(work, piece, i, share, power, point);
-                limit->value(point, 0, 0, value);
+    for (int i = 0; i < work->pieces; i++)
+        for (int q = 0; q < GBT_LIMITS; q++) {
+            const gbt_limit *limit = &gbt_limits[q];
+            for (int k = 0; k < limit->nodes; k++) {
+                place_at(work, piece, i, limit, k, place);
+                limit->value(place, 0, 0, value);
                 for (int r = 0; r < limit->sides; r++)
                     *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening[q];
             }
         }
-    }
     return -gbt_gain(total);
 }
 
 void gbt_differentiate(gbt_workspace *work)
 {
-    gbt_real power[GBT_ORDERS], point[GBT_PLACE], slope[GBT_POINT];
+    gbt_real place[GBT_PLACE], slope[GBT_POINT];
     gbt_real *jacobian = work->jacobian;
     gbt_value_sums(work);
-    gbt_taylor(GBT_PERIOD, power);
     for (int i = 0; i < work->pieces; i++) {
-        point_at(work->piece[i], power, point);
-        gbt_objective.gradient(point, work->parameters + i * GBT_END_NUMBERS, work->worth, slope);
+        point_at(work->piece[i], at_end, place);
+        gbt_objective.gradient(place, work->parameters + i * GBT_END_NUMBERS, work->worth, slope);
         for (int a = 0; a < GBT_POINT; a++) slope[a] = -slope[a];
         for (int l = 0; l < GBT_ORDERS; l++)
             for (int j = 0; j < GBT_FLAT; j++) work->gradient[i][l][j] = 0;
-        add_transposed(power, slope, work->gradient[i]);
-    }
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        for (int k = limit->first; k <= limit->intervals; k++) {
-            const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
-            gbt_taylor(GBT_PERIOD * share, power);
-            for (int i = 0; i < work->pieces; i++) {
-                place_at(work, work->piece, i, share, power, point);
-                limit->jacobian(point, 0, 0, jacobian);
+        add_transposed(at_end, slope, work->gradient[i]);
+        for (int q = 0; q < GBT_LIMITS; q++) {
+            const gbt_limit *limit = &gbt_limits[q];
+            for (int k = 0; k < limit->nodes; k++) {
+                place_at(work, work->piece, i, limit, k, place);
+                limit->jacobian(place, 0, 0, jacobian);
                 jacobian += limit->jacobian_entries;
             }
         }
@@ -212,107 +198,100 @@ void gbt_differentiate(gbt_workspace *work)
 
 void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_piece out[])
 {
-    gbt_real power[GBT_ORDERS], row[GBT_ROWS], slope[GBT_POINT];
+    gbt_real row[GBT_ROWS], slope[GBT_POINT];
     const gbt_real *jacobian = work->jacobian;
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        for (int k = limit->first; k <= limit->intervals; k++) {
-            gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, power);
-            for (int i = 0; i < work->pieces; i++) {
+    for (int i = 0; i < work->pieces; i++)
+        for (int q = 0; q < GBT_LIMITS; q++) {
+            const gbt_limit *limit = &gbt_limits[q];
+            for (int k = 0; k < limit->nodes; k++) {
                 for (int r = 0; r < limit->rows; r++) row[r] = 0;
                 for (int r = 0; r < limit->sides; r++) row[limit->row[r]] += limit->sign[r] * sides[r];
-                for (int a = 0; a < GBT_POINT; a++) slope[a] = 0;
-                for (int a = 0; a < limit->jacobian_entries; a++)
-                    slope[limit->jacobian_column[a]] += jacobian[a] * row[limit->jacobian_row[a]];
-                add_transposed(power, slope, out[i]);
+                limit->pull(jacobian, row, 0, slope);
+                add_transposed(limit->taylor + k * GBT_ORDERS, slope, out[i]);
                 sides += limit->sides;
                 jacobian += limit->jacobian_entries;
             }
         }
-    }
 }
 
 void gbt_push_forward(gbt_workspace *work)
 {
-    gbt_real power[GBT_ORDERS], row[GBT_ROWS], point[GBT_POINT];
+    gbt_real row[GBT_ROWS], point[GBT_POINT];
     gbt_real *dy = work->dy;
     const gbt_real *jacobian = work->jacobian;
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        for (int k = limit->first; k <= limit->intervals; k++) {
-            gbt_taylor(GBT_PERIOD * (gbt_real)k / (gbt_real)limit->intervals, power);
-            for (int i = 0; i < work->pieces; i++) {
-                point_at(work->step[i], power, point);
-                for (int r = 0; r < limit->rows; r++) row[r] = 0;
-                for (int a = 0; a < limit->jacobian_entries; a++)
-                    row[limit->jacobian_row[a]] += jacobian[a] * point[limit->jacobian_column[a]];
+    for (int i = 0; i < work->pieces; i++)
+        for (int q = 0; q < GBT_LIMITS; q++) {
+            const gbt_limit *limit = &gbt_limits[q];
+            for (int k = 0; k < limit->nodes; k++) {
+                point_at(work->step[i], limit->taylor + k * GBT_ORDERS, point);
+                limit->push(jacobian, point, 0, row);
                 for (int r = 0; r < limit->sides; r++) *dy++ = limit->sign[r] * row[limit->row[r]];
                 jacobian += limit->jacobian_entries;
             }
         }
-    }
 }
 
-/* Adds a symmetric matrix at one point, given by the entries of its lower triangle, to the one of a piece: the half
-   below the diagonal counts twice, so half of the diagonal and all below it make a matrix whose sum with its transpose
-   is the result. That sum is left to the end of the piece. */
-static void add_half(const gbt_real *power, const gbt_real *entry, int entries, const int *rows, const int *columns,
+#define POWERS (2 * GBT_DEGREE + 1)
+
+/* Adds a symmetric matrix over the points of a piece to the one of the piece. The former is given by the entries of its
+   lower triangle, each as the sums over the points of the entry times s^0, s^1, ..., which is all there is to know of them:
+   derivative l at the beginning of the piece is s^(l-o) / (l-o)! of derivative o at a point. The half below the diagonal
+   counts twice, so half of the diagonal and all below it make a matrix whose sum with its transpose is the result. That sum
+   is left to the end of the piece. */
+static void add_half(gbt_real sums[][POWERS], int entries, const int *rows, const int *columns,
                      gbt_real half[GBT_PIECE][GBT_PIECE])
 {
+    static const gbt_real factor[GBT_ORDERS][GBT_ORDERS] = GBT_FACTORS;
     for (int a = 0; a < entries; a++) {
-        const gbt_real value = rows[a] == columns[a] ? entry[a] / 2 : entry[a];
-        const gbt_real *first = power;
-        for (int row = rows[a]; row < GBT_PIECE; row += GBT_FLAT) {
-            const gbt_real part = *first++ * value, *second = power;
-            for (int column = columns[a]; column < GBT_PIECE; column += GBT_FLAT) half[row][column] += part * *second++;
-        }
+        const gbt_real share = rows[a] == columns[a] ? (gbt_real)0.5 : 1;
+        for (int row = rows[a], l = 0; row < GBT_PIECE; row += GBT_FLAT, l++)
+            for (int column = columns[a], m = 0; column < GBT_PIECE; column += GBT_FLAT, m++)
+                half[row][column] += share * factor[l][m] * sums[a][l + m];
     }
 }
 
 void gbt_assemble(gbt_workspace *work)
 {
-    gbt_real power[GBT_ORDERS], point[GBT_PLACE], entry[GBT_ENTRIES], first[GBT_ROWS], second[GBT_ROWS];
-    const gbt_real *lambda = work->lambda, *sigma = work->sigma;
+    static const gbt_real ends[POWERS] = GBT_POWERS;
+    gbt_real place[GBT_PLACE], entry[GBT_ENTRIES], weights[2 * GBT_ROWS], sums[GBT_ENTRIES][POWERS];
+    gbt_real half[GBT_PIECE][GBT_PIECE];
+    const gbt_real *lambda = work->lambda, *sigma = work->sigma, *jacobian = work->jacobian;
     gbt_real weight[GBT_TERMS];
-    for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
 
-    gbt_taylor(GBT_PERIOD, power);
+    for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
     for (int i = 0; i < work->pieces; i++) {
         for (int a = 0; a < GBT_PIECE; a++)
-            for (int c = 0; c < GBT_PIECE; c++) work->curvature[i][a][c] = 0;
-        point_at(work->piece[i], power, point);
-        gbt_objective.hessian(point, work->parameters + i * GBT_END_NUMBERS, weight, entry);
-        add_half(power, entry, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column,
-                 work->curvature[i]);
-    }
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        for (int k = limit->first; k <= limit->intervals; k++) {
-            const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
-            gbt_taylor(GBT_PERIOD * share, power);
-            for (int i = 0; i < work->pieces; i++) {
-                for (int r = 0; r < limit->rows; r++) first[r] = second[r] = 0;
+            for (int c = 0; c < GBT_PIECE; c++) half[a][c] = 0;
+        point_at(work->piece[i], at_end, place);
+        gbt_objective.hessian(place, work->parameters + i * GBT_END_NUMBERS, weight, entry);
+        for (int a = 0; a < gbt_objective.hessian_entries; a++)
+            for (int d = 0; d < POWERS; d++) sums[a][d] = entry[a] * ends[d];
+        add_half(sums, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column, half);
+        for (int q = 0; q < GBT_LIMITS; q++) {
+            const gbt_limit *limit = &gbt_limits[q];
+            for (int a = 0; a < limit->curvature_entries; a++)
+                for (int d = 0; d < POWERS; d++) sums[a][d] = 0;
+            for (int k = 0; k < limit->nodes; k++) {
+                const gbt_real *powers = limit->powers + k * POWERS;
+                for (int r = 0; r < 2 * limit->rows; r++) weights[r] = 0;
                 for (int r = 0; r < limit->sides; r++) {
-                    first[limit->row[r]] += limit->sign[r] * *lambda++;
-                    second[limit->row[r]] += *sigma++;
+                    weights[limit->row[r]] += limit->sign[r] * *lambda++;
+                    weights[limit->rows + limit->row[r]] += *sigma++;
                 }
-                place_at(work, work->piece, i, share, power, point);
-                limit->curvature(point, first, second, entry);
-                add_half(power, entry, limit->curvature_entries, limit->curvature_row, limit->curvature_column,
-                         work->curvature[i]);
+                place_at(work, work->piece, i, limit, k, place);
+                limit->curvature(place, weights, jacobian, entry);
+                jacobian += limit->jacobian_entries;
+                for (int a = 0; a < limit->curvature_entries; a++)
+                    for (int d = 0; d < POWERS; d++) sums[a][d] += entry[a] * powers[d];
             }
+            add_half(sums, limit->curvature_entries, limit->curvature_row, limit->curvature_column, half);
         }
-    }
-    for (int i = 0; i < work->pieces; i++)
         for (int a = 0; a < GBT_PIECE; a++)
             for (int c = 0; c <= a; c++)
-                work->curvature[i][a][c] = work->curvature[i][c][a] =
-                    work->curvature[i][a][c] + work->curvature[i][c][a];
+                work->curvature[i][a][c] = work->curvature[i][c][a] = half[a][c] + half[c][a];
+    }
 }
 
 #if GBT_SUMS
-void gbt_end_point(gbt_workspace *work, int i, gbt_real *point)
-{
-    gbt_point_after(work->piece[i], GBT_PERIOD, point);
-}
+void gbt_end_point(gbt_workspace *work, int i, gbt_real *point) { point_at(work->piece[i], at_end, point); }
 #endif

@@ -10,38 +10,47 @@
 
 #include "gbt_math.h"
 
+static const gbt_real at_end[GBT_ORDERS] = GBT_TAYLOR;
+
 /* h += M' P M, where the next state is M times the numbers of the piece. */
-static void add_rest(const gbt_real *power, gbt_real rest[GBT_STATE][GBT_STATE], gbt_real h[GBT_PIECE][GBT_PIECE])
+static void add_rest(gbt_real rest[GBT_STATE][GBT_STATE], gbt_real h[GBT_PIECE][GBT_PIECE])
 {
     for (int row = 0; row < GBT_STATE; row++) {
         gbt_real product[GBT_PIECE]; /* this row of P M */
-        for (int l = 0; l < GBT_ORDERS; l++)
-            for (int j = 0; j < GBT_FLAT; j++) {
-                gbt_real value = 0;
-                for (int o = 0; o < GBT_JOINED && o <= l; o++) value += rest[row][o * GBT_FLAT + j] * power[l - o];
-                product[l * GBT_FLAT + j] = value;
-            }
-        const gbt_real *factor = power;
-        for (int a = row; a < GBT_PIECE; a += GBT_FLAT, factor++)
-            for (int c = 0; c <= a; c++) h[a][c] += *factor * product[c];
+        for (int a = 0; a < GBT_PIECE; a++) product[a] = 0;
+        for (int o = 0; o < GBT_JOINED; o++)
+            for (int l = o; l < GBT_ORDERS; l++)
+                for (int j = 0; j < GBT_FLAT; j++)
+                    product[l * GBT_FLAT + j] += at_end[l - o] * rest[row][o * GBT_FLAT + j];
+        for (int a = row, k = 0; a < GBT_PIECE; a += GBT_FLAT, k++)
+            for (int c = 0; c < GBT_PIECE; c++) h[a][c] += at_end[k] * product[c];
     }
 }
 
-/* Quadratic model from piece i on, of which only the lower triangle is kept. */
-static void add_piece(gbt_workspace *work, int i, const gbt_real *power, gbt_real delta,
-                      gbt_real rest[GBT_STATE][GBT_STATE], gbt_real h[GBT_PIECE][GBT_PIECE])
+/* What is added to the diagonals: of the model at the end of a piece, and of what is free in it. */
+static void damp(gbt_real delta, gbt_real damping[GBT_PIECE])
 {
-    for (int a = 0; a < GBT_PIECE; a++)
-        for (int c = 0; c <= a; c++) h[a][c] = work->curvature[i][a][c];
-    for (int a = GBT_FLAT; a < GBT_STATE; a++) {
-        const gbt_real unit =
-            gbt_input_scale[a % GBT_FLAT] * gbt_pow(GBT_PERIOD, (gbt_real)(GBT_JOINED - a / GBT_FLAT));
-        rest[a][a] += delta / (unit * unit);
+    for (int a = 0; a < GBT_PIECE; a++) damping[a] = 0;
+    gbt_real reach[GBT_FLAT]; /* what an input of one changes a derivative by within a piece */
+    for (int j = 0; j < GBT_FLAT; j++) reach[j] = gbt_input_scale[j];
+    for (int a = GBT_STATE - 1; a >= GBT_FLAT && delta > 0; a--) {
+        reach[a % GBT_FLAT] *= GBT_PERIOD;
+        damping[a] = delta / (reach[a % GBT_FLAT] * reach[a % GBT_FLAT]);
     }
     /* what the derivatives at the end do not see */
     for (int a = GBT_FLAT; a < GBT_FREE; a++)
-        h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
-    add_rest(power, rest, h);
+        damping[GBT_STATE + a] = delta / (gbt_input_scale[a] * gbt_input_scale[a]);
+}
+
+/* Quadratic model from piece i on. */
+static void add_piece(const gbt_workspace *work, int i, const gbt_real damping[GBT_PIECE],
+                      gbt_real rest[GBT_STATE][GBT_STATE], gbt_real h[GBT_PIECE][GBT_PIECE])
+{
+    for (int a = 0; a < GBT_PIECE; a++)
+        for (int c = 0; c < GBT_PIECE; c++) h[a][c] = work->curvature[i][a][c];
+    for (int a = GBT_FLAT; a < GBT_STATE; a++) rest[a][a] += damping[a];
+    for (int a = GBT_STATE + GBT_FLAT; a < GBT_PIECE; a++) h[a][a] += damping[a];
+    add_rest(rest, h);
 }
 
 #if GBT_SUMS /* the recursion is that of gbt_coupling.c */
@@ -55,69 +64,36 @@ void gbt_end_model(const gbt_workspace *work, gbt_real rest[GBT_STATE][GBT_STATE
 void gbt_piece_model(gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],
                      gbt_real h[GBT_PIECE][GBT_PIECE])
 {
-    gbt_real power[GBT_ORDERS];
-    gbt_taylor(GBT_PERIOD, power);
-    add_piece(work, i, power, delta, rest, h);
+    gbt_real damping[GBT_PIECE];
+    damp(delta, damping);
+    add_piece(work, i, damping, rest, h);
 }
 
 void gbt_end_slopes(const gbt_workspace *work, int i, gbt_real slopes[GBT_STATE][GBT_PIECE])
 {
-    gbt_real power[GBT_ORDERS];
     (void)work;
     (void)i;
-    gbt_taylor(GBT_PERIOD, power);
     for (int a = 0; a < GBT_STATE; a++) {
         for (int c = 0; c < GBT_PIECE; c++) slopes[a][c] = 0;
-        for (int k = 0; a + k * GBT_FLAT < GBT_PIECE; k++) slopes[a][a + k * GBT_FLAT] = power[k];
+        for (int k = 0; a + k * GBT_FLAT < GBT_PIECE; k++) slopes[a][a + k * GBT_FLAT] = at_end[k];
     }
 }
 #else
 int gbt_factorise(gbt_workspace *work, gbt_real delta)
 {
-    gbt_real power[GBT_ORDERS], rest[GBT_STATE][GBT_STATE], h[GBT_PIECE][GBT_PIECE];
-    gbt_taylor(GBT_PERIOD, power);
+    gbt_real rest[GBT_STATE][GBT_STATE], h[GBT_PIECE][GBT_PIECE], damping[GBT_PIECE];
+    for (int a = 0; a < GBT_STATE; a++)
+        for (int c = 0; c < GBT_STATE; c++) rest[a][c] = 0;
+    damp(delta, damping);
     for (int i = work->pieces - 1; i >= 0; i--) {
-        for (int a = 0; a < GBT_STATE && i == work->pieces - 1; a++)
-            for (int c = 0; c < GBT_STATE; c++) rest[a][c] = 0;
-        add_piece(work, i, power, delta, rest, h);
-
-        /* Cholesky factor of its part in what is free. */
-        gbt_real(*factor)[GBT_FREE] = work->factor[i];
-        for (int a = 0; a < GBT_FREE; a++) {
-            const gbt_real natural = gbt_fabs(h[GBT_STATE + a][GBT_STATE + a]);
-            for (int c = 0; c <= a; c++) {
-                gbt_real value = h[GBT_STATE + a][GBT_STATE + c];
-                for (int k = 0; k < c; k++) value -= factor[a][k] * factor[c][k];
-                if (c < a)
-                    factor[a][c] = value / factor[c][c];
-                else if (value > 10 * GBT_EPSILON * natural)
-                    factor[a][a] = gbt_sqrt(value);
-                else
-                    return 0; /* also where value is NaN */
-            }
-        }
-
-        /* Eliminate it: the gain, and the model of the rest as a function of the state. */
-        for (int c = 0; c < GBT_STATE; c++) {
-            gbt_real column[GBT_FREE];
-            for (int a = 0; a < GBT_FREE; a++) column[a] = h[GBT_STATE + a][c];
-            gbt_forward(factor, column);
-            for (int a = 0; a < GBT_FREE; a++) work->gain[i][a][c] = column[a];
-        }
-        for (int a = 0; a < GBT_STATE; a++)
-            for (int c = 0; c <= a; c++) {
-                gbt_real value = h[a][c];
-                for (int k = 0; k < GBT_FREE; k++) value -= work->gain[i][k][a] * work->gain[i][k][c];
-                rest[a][c] = rest[c][a] = value;
-            }
+        add_piece(work, i, damping, rest, h);
+        if (!gbt_eliminate_free(h, work->factor[i], work->gain[i], rest)) return 0;
     }
     return 1;
 }
 
 void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[])
 {
-    gbt_real power[GBT_ORDERS];
-    gbt_taylor(GBT_PERIOD, power);
     for (int i = work->pieces - 1; i >= 0; i--) {
         gbt_real *push = work->push[i];
         for (int a = 0; a < GBT_FREE; a++) push[a] = -*gbt_free(gradient[i], a);
@@ -127,7 +103,7 @@ void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[])
             for (int j = 0; j < GBT_FLAT; j++) {
                 gbt_real slope = gradient[i][o][j];
                 for (int k = 0; k < GBT_FREE; k++) slope += work->gain[i][k][o * GBT_FLAT + j] * push[k];
-                for (int k = 0; o + k < GBT_ORDERS; k++) gradient[i - 1][o + k][j] += power[k] * slope;
+                for (int k = 0; o + k < GBT_ORDERS; k++) gradient[i - 1][o + k][j] += at_end[k] * slope;
             }
     }
     for (int o = 0; o < GBT_JOINED; o++)

@@ -97,23 +97,27 @@ void gbt_adjoint(const gbt_workspace *work, gbt_piece gradient[], gbt_real out[]
     }
 }
 
+/* What a limit looks at after a share of piece i. */
+static void place_at(const gbt_workspace *work, gbt_piece piece[], int i, gbt_real share, gbt_real *place)
+{
+    gbt_place_after(piece[i], share, place);
+    gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, share, place);
+}
+
 gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
 {
     gbt_real place[GBT_PLACE], value[GBT_ROWS], total[GBT_TERMS];
     gbt_total(work, piece, total);
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        for (int k = limit->first; k <= limit->intervals; k++) {
-            const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
-            for (int i = 0; i < work->pieces; i++) {
-                gbt_place_after(piece[i], share, place);
-                gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, share, place);
+    for (int i = 0; i < work->pieces; i++)
+        for (int q = 0; q < GBT_LIMITS; q++) {
+            const gbt_limit *limit = &gbt_limits[q];
+            for (int k = 0; k < limit->nodes; k++) {
+                place_at(work, piece, i, limit->share[k], place);
                 limit->value(place, 0, 0, value);
                 for (int r = 0; r < limit->sides; r++)
                     *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening[q];
             }
         }
-    }
     return -gbt_gain(total);
 }
 
@@ -136,14 +140,12 @@ void gbt_differentiate(gbt_workspace *work)
     gbt_real place[GBT_PLACE];
     gbt_real *jacobian = work->jacobian;
     gbt_objective_slopes(work);
-    for (int i = 0; i < work->pieces; i++) gbt_stage_slopes(work->piece[i], 0, 0, &work->slopes[i][0][0]);
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        for (int k = limit->first; k <= limit->intervals; k++) {
-            const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
-            for (int i = 0; i < work->pieces; i++) {
-                gbt_place_after(work->piece[i], share, place);
-                gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, share, place);
+    for (int i = 0; i < work->pieces; i++) {
+        gbt_stage_slopes(work->piece[i], 0, 0, &work->slopes[i][0][0]);
+        for (int q = 0; q < GBT_LIMITS; q++) {
+            const gbt_limit *limit = &gbt_limits[q];
+            for (int k = 0; k < limit->nodes; k++) {
+                place_at(work, work->piece, i, limit->share[k], place);
                 limit->jacobian(place, 0, 0, jacobian);
                 jacobian += limit->jacobian_entries;
             }
@@ -153,20 +155,20 @@ void gbt_differentiate(gbt_workspace *work)
 
 void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_piece out[])
 {
-    gbt_real row[GBT_ROWS];
+    gbt_real row[GBT_ROWS], slope[GBT_PIECE];
     const gbt_real *jacobian = work->jacobian;
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        for (int k = limit->first; k <= limit->intervals; k++)
-            for (int i = 0; i < work->pieces; i++) {
+    for (int i = 0; i < work->pieces; i++)
+        for (int q = 0; q < GBT_LIMITS; q++) {
+            const gbt_limit *limit = &gbt_limits[q];
+            for (int k = 0; k < limit->nodes; k++) {
                 for (int r = 0; r < limit->rows; r++) row[r] = 0;
                 for (int r = 0; r < limit->sides; r++) row[limit->row[r]] += limit->sign[r] * sides[r];
-                for (int a = 0; a < limit->jacobian_entries; a++)
-                    out[i][limit->jacobian_column[a]] += jacobian[a] * row[limit->jacobian_row[a]];
+                limit->pull(jacobian, row, 0, slope);
+                for (int a = 0; a < GBT_PIECE; a++) out[i][a] += slope[a];
                 sides += limit->sides;
                 jacobian += limit->jacobian_entries;
             }
-    }
+        }
 }
 
 void gbt_push_forward(gbt_workspace *work)
@@ -174,17 +176,15 @@ void gbt_push_forward(gbt_workspace *work)
     gbt_real row[GBT_ROWS];
     gbt_real *dy = work->dy;
     const gbt_real *jacobian = work->jacobian;
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        for (int k = limit->first; k <= limit->intervals; k++)
-            for (int i = 0; i < work->pieces; i++) {
-                for (int r = 0; r < limit->rows; r++) row[r] = 0;
-                for (int a = 0; a < limit->jacobian_entries; a++)
-                    row[limit->jacobian_row[a]] += jacobian[a] * work->step[i][limit->jacobian_column[a]];
+    for (int i = 0; i < work->pieces; i++)
+        for (int q = 0; q < GBT_LIMITS; q++) {
+            const gbt_limit *limit = &gbt_limits[q];
+            for (int k = 0; k < limit->nodes; k++) {
+                limit->push(jacobian, work->step[i], 0, row);
                 for (int r = 0; r < limit->sides; r++) *dy++ = limit->sign[r] * row[limit->row[r]];
                 jacobian += limit->jacobian_entries;
             }
-    }
+        }
 }
 
 /* Adds entries of a lower triangle to that of a matrix. */
@@ -197,11 +197,11 @@ static void add(const gbt_real *entry, int entries, const int *rows, const int *
 /* Only the lower triangles. */
 void gbt_assemble(gbt_workspace *work)
 {
-    gbt_real place[GBT_PLACE], entry[GBT_ENTRIES], first[GBT_ROWS], second[GBT_ROWS];
-    const gbt_real *lambda = work->lambda, *sigma = work->sigma;
+    gbt_real place[GBT_PLACE], entry[GBT_ENTRIES], weights[2 * GBT_ROWS];
+    const gbt_real *lambda = work->lambda, *sigma = work->sigma, *jacobian = work->jacobian;
     gbt_real weight[GBT_TERMS];
-    for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
 
+    for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
     for (int i = 0; i <= work->pieces; i++)
         for (int a = 0; a < GBT_PIECE; a++)
             for (int c = 0; c <= a; c++) work->curvature[i][a][c] = 0;
@@ -210,20 +210,17 @@ void gbt_assemble(gbt_workspace *work)
         add(entry, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column,
             work->curvature[i + GBT_COST_AT_END]);
         gbt_stage_curvature(work->piece[i], work->pull[i + 1], 0, work->bend[i]);
-    }
-    for (int q = 0; q < GBT_LIMITS; q++) {
-        const gbt_limit *limit = &gbt_limits[q];
-        for (int k = limit->first; k <= limit->intervals; k++) {
-            const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
-            for (int i = 0; i < work->pieces; i++) {
-                for (int r = 0; r < limit->rows; r++) first[r] = second[r] = 0;
+        for (int q = 0; q < GBT_LIMITS; q++) {
+            const gbt_limit *limit = &gbt_limits[q];
+            for (int k = 0; k < limit->nodes; k++) {
+                for (int r = 0; r < 2 * limit->rows; r++) weights[r] = 0;
                 for (int r = 0; r < limit->sides; r++) {
-                    first[limit->row[r]] += limit->sign[r] * *lambda++;
-                    second[limit->row[r]] += *sigma++;
+                    weights[limit->row[r]] += limit->sign[r] * *lambda++;
+                    weights[limit->rows + limit->row[r]] += *sigma++;
                 }
-                gbt_place_after(work->piece[i], share, place);
-                gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, share, place);
-                limit->curvature(place, first, second, entry);
+                place_at(work, work->piece, i, limit->share[k], place);
+                limit->curvature(place, weights, jacobian, entry);
+                jacobian += limit->jacobian_entries;
                 add(entry, limit->curvature_entries, limit->curvature_row, limit->curvature_column,
                     work->curvature[i]);
             }

@@ -31,7 +31,7 @@ static void begin_rest(const gbt_workspace *work, gbt_real rest[GBT_STATE][GBT_S
         for (int c = 0; c <= a; c++) rest[a][c] = rest[c][a] = work->curvature[work->pieces][a][c];
 }
 
-/* Quadratic model from piece i on, of which only the lower triangle is kept. */
+/* Quadratic model from piece i on. */
 static void add_piece(gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],
                       gbt_real h[GBT_PIECE][GBT_PIECE])
 {
@@ -43,6 +43,8 @@ static void add_piece(gbt_workspace *work, int i, gbt_real delta, gbt_real rest[
         h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
     for (int a = 0; a < GBT_DIMENSION && delta > 0; a++) rest[a][a] += PLACE * delta;
     add_rest(work->slopes[i], rest, h);
+    for (int a = 0; a < GBT_PIECE; a++)
+        for (int c = 0; c < a; c++) h[c][a] = h[a][c];
 }
 
 #if GBT_SUMS /* the recursion is that of gbt_coupling.c */
@@ -66,37 +68,7 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
     begin_rest(work, rest);
     for (int i = work->pieces - 1; i >= 0; i--) {
         add_piece(work, i, delta, rest, h);
-
-        /* Cholesky factor of its part in what is free. */
-        gbt_real(*factor)[GBT_FREE] = work->factor[i];
-        for (int a = 0; a < GBT_FREE; a++) {
-            const gbt_real natural = gbt_fabs(h[GBT_STATE + a][GBT_STATE + a]);
-            for (int c = 0; c <= a; c++) {
-                gbt_real value = h[GBT_STATE + a][GBT_STATE + c];
-                for (int k = 0; k < c; k++) value -= factor[a][k] * factor[c][k];
-                if (c < a)
-                    factor[a][c] = value / factor[c][c];
-                else if (value > 10 * GBT_EPSILON * natural)
-                    factor[a][a] = gbt_sqrt(value);
-                else
-                    return 0; /* also where value is NaN */
-            }
-        }
-
-        /* Eliminate it: the gain, and the model of the rest as a function of the state. */
-        gbt_real(*gain)[GBT_STATE] = work->gain[i];
-        for (int a = 0; a < GBT_FREE; a++) {
-            for (int c = 0; c < GBT_STATE; c++) gain[a][c] = h[GBT_STATE + a][c];
-            for (int k = 0; k < a; k++)
-                for (int c = 0; c < GBT_STATE; c++) gain[a][c] -= factor[a][k] * gain[k][c];
-            for (int c = 0; c < GBT_STATE; c++) gain[a][c] /= factor[a][a];
-        }
-        for (int a = 0; a < GBT_STATE; a++)
-            for (int c = 0; c <= a; c++) {
-                gbt_real value = h[a][c];
-                for (int k = 0; k < GBT_FREE; k++) value -= gain[k][a] * gain[k][c];
-                rest[a][c] = rest[c][a] = value;
-            }
+        if (!gbt_eliminate_free(h, work->factor[i], work->gain[i], rest)) return 0;
     }
     return 1;
 }

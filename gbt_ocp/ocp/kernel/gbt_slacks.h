@@ -18,8 +18,9 @@ GBT_BEGIN_C
 /* lambda and e for work->y, at a start. */
 void gbt_lift(gbt_workspace *work, gbt_real mu);
 
-/* s and t for work->y and work->e. */
-void gbt_centre(gbt_workspace *work, gbt_real mu);
+/* s and t for work->y and work->e. Returns the cost of all sides with the barrier, less mu times a number that depends on
+   mu and the weights alone. */
+gbt_real gbt_centre(gbt_workspace *work, gbt_real mu);
 
 /* Distance from the central path: largest |lambda t - mu|, |nu s - mu| with nu = c - lambda, and what e is away from
    2 w lambda / c times lambda. */
@@ -36,14 +37,16 @@ void gbt_correct(gbt_workspace *work, gbt_real mu);
 /* Steps of e and lambda from work->dy. */
 void gbt_recover(gbt_workspace *work);
 
-/* Cost of all sides with the barrier: after a step alpha of e, at the values y; and its slope along the step. */
-gbt_real gbt_barrier(const gbt_workspace *work, const gbt_real *y, gbt_real mu, gbt_real alpha);
+/* The same cost after a step alpha of e that led to work->y_trial, and s_trial and t_trial there. */
+gbt_real gbt_barrier(gbt_workspace *work, gbt_real mu, gbt_real alpha);
+
+/* The slope of that cost along the step. */
 gbt_real gbt_barrier_slope(const gbt_workspace *work, gbt_real mu);
 
 /* Cost of all sides without barrier. */
 gbt_real gbt_penalty(const gbt_workspace *work);
 
-/* Takes a step alpha that led to work->y_trial, and leaves the share 1 - fraction of every multiplier. */
+/* Takes a step alpha that led to work->y_trial, with the slacks there, and leaves the share 1 - fraction of every multiplier. */
 void gbt_move_sides(gbt_workspace *work, gbt_real alpha, gbt_real fraction);
 
 GBT_END_C

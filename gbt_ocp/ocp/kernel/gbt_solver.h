@@ -96,9 +96,10 @@ typedef struct {
     gbt_real sum_gain[GBT_PIECES][GBT_FREE][GBT_SUMS];
 #endif
     /* limits: y = e + s - t - width, with weight c, multipliers lambda of t and c - lambda of s */
-    gbt_real c[GBT_SIDES], width[GBT_SIDES];
+    gbt_real c[GBT_SIDES], inverse[GBT_SIDES], width[GBT_SIDES];
     gbt_real y[GBT_SIDES], y_trial[GBT_SIDES], dy[GBT_SIDES];
     gbt_real s[GBT_SIDES], t[GBT_SIDES], e[GBT_SIDES], lambda[GBT_SIDES];
+    gbt_real s_trial[GBT_SIDES], t_trial[GBT_SIDES];
     gbt_real de[GBT_SIDES], dlambda[GBT_SIDES];
     gbt_real sigma[GBT_SIDES], shift[GBT_SIDES], target[GBT_SIDES];
     /* what the present solve is about */

@@ -4,6 +4,7 @@
 #include "gbt_math.h"
 
 #define R GBT_ROWS_OF_WINDOW
+#define ROW GBT_ROW
 #define P GBT_TUNABLE
 #define SLOPES (GBT_SHAPES + GBT_TUNED_NUGGET + 1) /* shapes, nugget, the rows' own variances */
 #define EVALUATIONS 40                             /* most expansions of the likelihood in one search */
@@ -17,18 +18,14 @@ typedef struct {
     gbt_real value, gradient[P], information[P][P];
 } expansion;
 
-int gbt_factor(gbt_real *matrix, int n, int columns)
+int gbt_factor(gbt_real *lower, int n)
 {
     for (int i = 0; i < n; i++)
-        for (int j = 0; j < n; j++) {
-            gbt_real *entry = &matrix[i * columns + j], rest = *entry;
-            if (j > i) {
-                *entry = 0;
-                continue;
-            }
-            for (int k = 0; k < j; k++) rest -= matrix[i * columns + k] * matrix[j * columns + k];
+        for (int j = 0; j <= i; j++) {
+            gbt_real rest = lower[ROW(i) + j];
+            for (int k = 0; k < j; k++) rest -= lower[ROW(i) + k] * lower[ROW(j) + k];
             if (j == i && !(rest > 0 && isfinite(rest))) return 0;
-            *entry = j == i ? gbt_sqrt(rest) : rest / matrix[j * columns + j];
+            lower[ROW(i) + j] = j == i ? gbt_sqrt(rest) : rest / lower[ROW(j) + j];
         }
     return 1;
 }
@@ -38,21 +35,21 @@ static gbt_real nugget_of(const gbt_tuning *tuning, const gbt_real *log_theta)
     return GBT_TUNED_NUGGET ? gbt_exp(log_theta[P - 1]) : tuning->nugget;
 }
 
-void gbt_gp_covariance(const gbt_gp_rows *rows, const gbt_real *log_theta, gbt_real nugget, gbt_real omega[R][R])
+void gbt_gp_covariance(const gbt_gp_rows *rows, const gbt_real *log_theta, gbt_real nugget, gbt_real omega[GBT_PACKED])
 {
     const gbt_real variance = gbt_exp(2 * log_theta[GBT_SHAPES]);
     for (int i = 0; i < rows->rows; i++)
         for (int j = 0; j <= i; j++) {
             const gbt_real lag = (gbt_real)(rows->time[i] - rows->time[j]);
             const gbt_real gram = gbt_dot(rows->direction[i], rows->direction[j]);
-            omega[i][j] = variance * gram * gbt_gp_kernel(lag, log_theta, 0);
-            if (i == j) omega[i][i] += variance * nugget + rows->variance[i];
-            omega[j][i] = omega[i][j];
+            omega[ROW(i) + j] = variance * gram * gbt_gp_kernel(lag, log_theta, 0);
+            if (i == j) omega[ROW(i) + i] += variance * nugget + rows->variance[i];
         }
 }
 
 /* The slopes of the covariance by the shapes, the nugget, and a factor on the rows' own variances. */
-static void slopes_of(const gbt_gp_rows *rows, const gbt_real *log_theta, gbt_real nugget, gbt_real slope[SLOPES][R][R])
+static void slopes_of(const gbt_gp_rows *rows, const gbt_real *log_theta, gbt_real nugget,
+                      gbt_real slope[SLOPES][GBT_PACKED])
 {
     const gbt_real variance = gbt_exp(2 * log_theta[GBT_SHAPES]);
     for (int i = 0; i < rows->rows; i++)
@@ -61,38 +58,39 @@ static void slopes_of(const gbt_gp_rows *rows, const gbt_real *log_theta, gbt_re
             const gbt_real gram = variance * gbt_dot(rows->direction[i], rows->direction[j]);
             gbt_gp_kernel((gbt_real)(rows->time[i] - rows->time[j]), log_theta, shapes);
             for (int s = 0; s < SLOPES; s++)
-                slope[s][i][j] = slope[s][j][i] = s < GBT_SHAPES      ? gram * shapes[s]
-                                                  : i != j            ? 0
-                                                  : s == SLOPES - 1   ? rows->variance[i]
-                                                                      : variance * nugget;
+                slope[s][ROW(i) + j] = s < GBT_SHAPES    ? gram * shapes[s]
+                                       : i != j          ? 0
+                                       : s == SLOPES - 1 ? rows->variance[i]
+                                                         : variance * nugget;
         }
 }
 
-/* The inverse of a lower factor. */
-static void invert_lower(gbt_real factor[R][R], int n, gbt_real inverse[R][R])
+/* The inverse of a lower factor, in its place: an entry is read for the last time where its own is written. */
+static void invert_lower(gbt_real *lower, int n)
 {
     for (int j = 0; j < n; j++)
-        for (int i = 0; i < n; i++) {
+        for (int i = j; i < n; i++) {
             gbt_real rest = i == j;
-            for (int k = j; k < i; k++) rest -= factor[i][k] * inverse[k][j];
-            inverse[i][j] = i < j ? 0 : rest / factor[i][i];
+            for (int k = j; k < i; k++) rest -= lower[ROW(i) + k] * lower[ROW(k) + j];
+            lower[ROW(i) + j] = rest / lower[ROW(i) + i];
         }
 }
 
-/* a = L^-1 a L^-T, symmetric. */
-static void whiten(gbt_real inverse[R][R], int n, gbt_real a[R][R], gbt_real spare[R][R])
+/* a = L^-1 a L^-T, symmetric, in its place: the last row first, which needs none after it. */
+static void whiten(const gbt_real *inverse, int n, gbt_real *a)
 {
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j < n; j++) {
-            spare[i][j] = 0;
-            for (int k = 0; k <= i; k++) spare[i][j] += inverse[i][k] * a[k][j];
+    gbt_real half[R];
+    for (int i = n - 1; i >= 0; i--) {
+        for (int j = 0; j <= i; j++) {
+            half[j] = 0;
+            for (int k = 0; k <= i; k++) half[j] += inverse[ROW(i) + k] * a[k >= j ? ROW(k) + j : ROW(j) + k];
         }
-    for (int i = 0; i < n; i++)
         for (int j = 0; j <= i; j++) {
             gbt_real sum = 0;
-            for (int k = 0; k <= j; k++) sum += spare[i][k] * inverse[j][k];
-            a[i][j] = a[j][i] = sum;
+            for (int k = 0; k <= j; k++) sum += half[k] * inverse[ROW(j) + k];
+            a[ROW(i) + j] = sum;
         }
+    }
 }
 
 /* How log theta turns what is expanded (shapes, nugget, own variances, the logarithm of a factor on all): the amplitude
@@ -108,40 +106,41 @@ static gbt_real turn_of(int parameter, int expanded)
 static int expand(const gbt_tuning *tuning, const gbt_gp_rows *rows, const gbt_real *log_theta, expansion *out)
 {
     enum { Q = SLOPES + 1 };
-    gbt_real factor[R][R], inverse[R][R], slope[SLOPES][R][R], weights[R], gradient[Q], information[Q][Q];
+    gbt_real inverse[GBT_PACKED], slope[SLOPES][GBT_PACKED]; /* most of the stack that the process takes */
+    gbt_real weights[R], gradient[Q], information[Q][Q];
     const int n = rows->rows;
     const gbt_real nugget = nugget_of(tuning, log_theta);
     gbt_real square = 0;
-    gbt_gp_covariance(rows, log_theta, nugget, factor);
-    if (!gbt_factor(&factor[0][0], n, R)) return 0;
-    invert_lower(factor, n, inverse);
+    gbt_gp_covariance(rows, log_theta, nugget, inverse);
+    if (!gbt_factor(inverse, n)) return 0;
+    invert_lower(inverse, n);
     out->value = (gbt_real)-0.5 * (gbt_real)n * LOG_TWO_PI;
     for (int i = 0; i < n; i++) {
         gbt_real whitened = 0;
-        for (int k = 0; k <= i; k++) whitened += inverse[i][k] * rows->value[k];
+        for (int k = 0; k <= i; k++) whitened += inverse[ROW(i) + k] * rows->value[k];
         square += whitened * whitened;
         weights[i] = whitened;
-        out->value -= gbt_log(factor[i][i]);
+        out->value += gbt_log(inverse[ROW(i) + i]);
     }
     out->value -= square / 2;
     for (int i = 0; i < n; i++) {
         gbt_real sum = 0;
-        for (int k = i; k < n; k++) sum += inverse[k][i] * weights[k];
+        for (int k = i; k < n; k++) sum += inverse[ROW(k) + i] * weights[k];
         weights[i] = sum;
     }
     slopes_of(rows, log_theta, nugget, slope);
     for (int s = 0; s < SLOPES; s++) {
         gbt_real along = 0, trace = 0;
         for (int i = 0; i < n; i++)
-            for (int j = 0; j < n; j++) along += weights[i] * slope[s][i][j] * weights[j];
-        whiten(inverse, n, slope[s], factor);
-        for (int i = 0; i < n; i++) trace += slope[s][i][i];
+            for (int j = 0; j <= i; j++) along += (i == j ? 1 : 2) * weights[i] * slope[s][ROW(i) + j] * weights[j];
+        whiten(inverse, n, slope[s]);
+        for (int i = 0; i < n; i++) trace += slope[s][ROW(i) + i];
         gradient[s] = (along - trace) / 2;
         information[s][Q - 1] = information[Q - 1][s] = trace / 2;
         for (int q = 0; q <= s; q++) {
             gbt_real sum = 0;
             for (int i = 0; i < n; i++)
-                for (int j = 0; j < n; j++) sum += slope[s][i][j] * slope[q][i][j];
+                for (int j = 0; j <= i; j++) sum += (i == j ? 1 : 2) * slope[s][ROW(i) + j] * slope[q][ROW(i) + j];
             information[s][q] = information[q][s] = sum / 2;
         }
     }
