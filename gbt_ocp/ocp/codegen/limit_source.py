@@ -1,4 +1,4 @@
-"""Tables and functions of one problem's objective and limits, for the generated C."""
+"""Tables and functions of one problem's limits, for the generated C."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_array, c_function
+from gbt_ocp.ocp.codegen.expressions import c_array, c_function
 from gbt_ocp.ocp.codegen.places import Placed, placed
 from gbt_ocp.ocp.forms import FlatForm, ShootingForm
 from gbt_ocp.ocp.limit_classes import hard_weights, limit_class
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem
-from gbt_ocp.ocp.terms import Constraint, JointObjective
-from gbt_ocp.ocp.transcription import limit_size, stacked_size
+from gbt_ocp.ocp.terms import Constraint
+from gbt_ocp.ocp.transcription import limit_size
 from gbt_ocp.typing import Array
 
 
@@ -38,42 +38,6 @@ def nonzeros(matrix: ca.SX) -> tuple[ca.SX, list[int], list[int]]:
     rows, columns = matrix.sparsity().get_triplet()
     values: Any = ca.SX(ca.Sparsity.dense(len(rows), 1), matrix.nz[:]) if rows else ca.SX.zeros(0, 1)
     return values, list(rows), list(columns)
-
-
-def placed_objective(problem: PosedProblem, form: FlatForm | ShootingForm, parameters: ca.SX, origin: ca.SX) -> Placed:
-    """The objective at an endpoint."""
-    d, point = problem.vehicle.position_dimension, form.objective_point
-    value, offset = ca.SX(0), 0
-    for term in problem.objectives:
-        if isinstance(term, JointObjective):
-            raise NotGenerableError(
-                f"planner.solver: found compiled, which takes sums over the endpoints of a plan; allowed: ipopt, since "
-                f"the objective {type(term).__name__} couples them"
-            )
-        value += form.objective(term, parameters[offset:])
-        offset += stacked_size(term.shapes)
-    return placed(value, point[:d], parameters, point[d:], origin)
-
-
-def objective_in_c(point: ca.SX, objective: Placed) -> tuple[list[ca.Function], str, int]:
-    """Functions and table of the objective at a point, and the nonzeros of its Hessian."""
-    stacked, value, weight = objective.numbers, objective.value, ca.SX.sym("weight")
-    gradient = ca.gradient(value, point)
-    hessian, rows_, columns_ = nonzeros(ca.tril(ca.hessian(weight * value, point)[0]))
-    functions = [
-        c_function("objective_value", [point, stacked], value),
-        c_function("objective_gradient", [point, stacked], gradient),
-        c_function("objective_hessian", [point, stacked, weight], hessian),
-    ]
-    text = "".join(
-        [
-            c_array("int", "objective_row", rows_),
-            c_array("int", "objective_column", columns_),
-            "const gbt_objective_functions gbt_objective = {objective_value, objective_gradient, objective_hessian,\n"
-            f"    {len(rows_)}, objective_row, objective_column}};\n",
-        ]
-    )
-    return functions, text, len(rows_)
 
 
 def _sides(constraint: Constraint, shift: Array) -> list[tuple[int, float, float, float]]:

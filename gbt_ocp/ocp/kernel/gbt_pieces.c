@@ -1,5 +1,6 @@
 #include "gbt_pieces.h"
 
+#include "gbt_coupling.h"
 #include "gbt_math.h"
 
 void gbt_taylor(gbt_real s, gbt_real power[GBT_ORDERS])
@@ -116,12 +117,18 @@ void gbt_lengthen(const gbt_real *last, gbt_real *added)
     for (int a = 0; a < GBT_FREE; a++) added[a] = 0;
 }
 
-gbt_real gbt_term(gbt_piece piece, const gbt_real *numbers)
+void gbt_add_terms(gbt_piece piece, const gbt_real *numbers, gbt_real *total)
 {
-    gbt_real point[GBT_POINT], value;
-    gbt_point_after(piece, GBT_PERIOD, point);
-    gbt_objective.value(point, numbers, 0, &value);
-    return value;
+    gbt_real point[GBT_POINT], value[GBT_TERMS];
+    point_at(piece, at_end, point);
+    gbt_objective.value(point, numbers, 0, value);
+    for (int k = 0; k < GBT_TERMS; k++) total[k] += value[k];
+}
+
+void gbt_total(const gbt_workspace *work, gbt_piece piece[], gbt_real *total)
+{
+    for (int k = 0; k < GBT_TERMS; k++) total[k] = work->before[k];
+    for (int i = 0; i < work->pieces; i++) gbt_add_terms(piece[i], work->parameters + i * GBT_END_NUMBERS, total);
 }
 
 void gbt_inputs_after(gbt_piece piece, gbt_real share, gbt_real *inputs)
@@ -151,11 +158,9 @@ void gbt_try(gbt_workspace *work, gbt_real alpha)
 
 gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
 {
-    gbt_real place[GBT_PLACE], value[GBT_ROWS], f = 0;
-    for (int i = 0; i < work->pieces; i++) {
-        point_at(piece[i], at_end, place);
-        gbt_objective.value(place, work->parameters + i * GBT_END_NUMBERS, 0, value);
-        f -= value[0];
+    gbt_real place[GBT_PLACE], value[GBT_ROWS], total[GBT_TERMS];
+    gbt_total(work, piece, total);
+    for (int i = 0; i < work->pieces; i++)
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
             for (int k = 0; k < limit->nodes; k++) {
@@ -165,17 +170,17 @@ gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
                     *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening[q];
             }
         }
-    }
-    return f;
+    return -gbt_gain(total);
 }
 
 void gbt_differentiate(gbt_workspace *work)
 {
     gbt_real place[GBT_PLACE], slope[GBT_POINT];
     gbt_real *jacobian = work->jacobian;
+    gbt_value_sums(work);
     for (int i = 0; i < work->pieces; i++) {
         point_at(work->piece[i], at_end, place);
-        gbt_objective.gradient(place, work->parameters + i * GBT_END_NUMBERS, 0, slope);
+        gbt_objective.gradient(place, work->parameters + i * GBT_END_NUMBERS, work->worth, slope);
         for (int a = 0; a < GBT_POINT; a++) slope[a] = -slope[a];
         for (int l = 0; l < GBT_ORDERS; l++)
             for (int j = 0; j < GBT_FLAT; j++) work->gradient[i][l][j] = 0;
@@ -251,13 +256,14 @@ void gbt_assemble(gbt_workspace *work)
     gbt_real place[GBT_PLACE], entry[GBT_ENTRIES], weights[2 * GBT_ROWS], sums[GBT_ENTRIES][POWERS];
     gbt_real half[GBT_PIECE][GBT_PIECE];
     const gbt_real *lambda = work->lambda, *sigma = work->sigma, *jacobian = work->jacobian;
-    const gbt_real weight = -1;
+    gbt_real weight[GBT_TERMS];
 
+    for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
     for (int i = 0; i < work->pieces; i++) {
         for (int a = 0; a < GBT_PIECE; a++)
             for (int c = 0; c < GBT_PIECE; c++) half[a][c] = 0;
         point_at(work->piece[i], at_end, place);
-        gbt_objective.hessian(place, work->parameters + i * GBT_END_NUMBERS, &weight, entry);
+        gbt_objective.hessian(place, work->parameters + i * GBT_END_NUMBERS, weight, entry);
         for (int a = 0; a < gbt_objective.hessian_entries; a++)
             for (int d = 0; d < POWERS; d++) sums[a][d] = entry[a] * ends[d];
         add_half(sums, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column, half);
@@ -285,3 +291,7 @@ void gbt_assemble(gbt_workspace *work)
                 work->curvature[i][a][c] = work->curvature[i][c][a] = half[a][c] + half[c][a];
     }
 }
+
+#if GBT_SUMS
+void gbt_end_point(gbt_workspace *work, int i, gbt_real *point) { point_at(work->piece[i], at_end, point); }
+#endif
