@@ -130,6 +130,15 @@ BENCHMARKS = (
         *("sea2d", "sea2d_speed", "sea3d", "sea3d_speed", "--seeds", "6", "--out", f"{OUT}/open_loop.jsonl"),
     ),
     benchmark(
+        "sea_plans",
+        *("sea2d", "sea3d", "sea2d_speed", "sea3d_speed", "--seeds", "20", "--jobs", "1", "--out", f"{OUT}/runs"),
+    ),
+    benchmark(
+        "sea_plans",
+        *("sea2d", "sea3d", "--effort", "0", "0.1", "0.3", "--seeds", "20", "--out", f"{OUT}/runs"),
+        name="sea_effort",
+    ),
+    benchmark(
         "sea_closed_loop",
         *("sea2d", "sea3d", "sea2d_speed", "sea3d_speed", "--seeds", "20", "--out", f"{OUT}/sea"),
     ),

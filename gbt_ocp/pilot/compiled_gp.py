@@ -18,7 +18,16 @@ from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import Measurements
 from gbt_ocp.typing import Array
 
-_UNITS = ("gbt_bearing", "gbt_linalg", "gbt_gaps", "gbt_breaks", "gbt_gp", "gbt_gp_kernel", "gbt_gp_likelihood")
+_UNITS = (
+    "gbt_bearing",
+    "gbt_linalg",
+    "gbt_gaps",
+    "gbt_breaks",
+    "gbt_gp",
+    "gbt_gp_kernel",
+    "gbt_gp_likelihood",
+    "gbt_wide",
+)
 _HEADERS = ("gbt_real.h", "gbt_math.h", "gbt_identity.h")
 
 _WAITS, _BROKEN = 2, 3  # gbt_gp_taken

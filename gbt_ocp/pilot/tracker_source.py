@@ -27,7 +27,7 @@ _KERNELS = ("se", "matern32", "matern52", "rq")
 
 _ALONE = {
     "ekf": ("gbt_ekf", "gbt_kalman", "gbt_polar", "gbt_polar_update", "gbt_tracker_ekf"),
-    "gp": ("gbt_gp", "gbt_breaks", "gbt_tracker_gp"),
+    "gp": ("gbt_gp", "gbt_breaks", "gbt_wide", "gbt_tracker_gp"),
 }
 """Beginnings of the names of the files that one tracker alone needs."""
 

@@ -1,7 +1,5 @@
 #include "gbt_breaks.h"
 
-#include <float.h>
-
 #include "gbt_math.h"
 
 #define D GBT_DIMENSION
@@ -9,9 +7,9 @@
 #define FORESEEN ((gbt_real)1e3)    /* and of one that is */
 #define LEAST_STEP ((gbt_real)0.02) /* least deviation of the position at a break, m */
 #ifdef GBT_SINGLE
-#define ROUNDING FLT_EPSILON
+#define ROUNDING ((gbt_real)1.4e-14) /* variance of a bearing that is rounded, rad^2 */
 #else
-#define ROUNDING DBL_EPSILON
+#define ROUNDING GBT_EPSILON
 #endif
 
 void gbt_breaks_begin(gbt_break_watch *watch)

@@ -46,24 +46,27 @@ static int known_in_window(const gbt_gp *process)
 static void rows_of(const gbt_gp *process, gbt_gp_rows *rows)
 {
     int r = 0;
+    rows->zero = process->count > 0 ? process->window[0].time : process->known_time;
     for (int k = 0; k < process->count; k++) {
         const gbt_sample *sample = &process->window[k];
-        gbt_real basis[GBT_AXES][D];
+        gbt_real basis[GBT_AXES][D], own[D];
+        for (int j = 0; j < D; j++) own[j] = sample->own[j] - process->centre[j];
         gbt_tangent_basis(sample->bearing, basis);
         for (int a = 0; a < GBT_AXES; a++, r++) {
-            rows->time[r] = sample->time;
+            rows->time[r] = gbt_widen_double(sample->time - rows->zero);
             rows->variance[r] = 0;
             for (int j = 0; j < D; j++) rows->direction[r][j] = basis[a][j];
-            rows->value[r] = gbt_dot(basis[a], sample->own) - gbt_dot(basis[a], process->centre);
+            rows->value[r] = gbt_dot(basis[a], own);
         }
     }
     rows->noisy = known_in_window(process);
     for (int a = 0; rows->noisy && a < D; a++, r++) {
-        rows->time[r] = process->known_time;
+        rows->time[r] = gbt_widen_double(process->known_time - rows->zero);
         rows->variance[r] = process->known_variance[a];
         for (int j = 0; j < D; j++) rows->direction[r][j] = process->known_axis[a][j];
-        rows->value[r] = gbt_dot(process->known_axis[a], process->known_mean) -
-                         gbt_dot(process->known_axis[a], process->centre);
+        rows->value[r] = 0;
+        for (int j = 0; j < D; j++)
+            rows->value[r] += process->known_axis[a][j] * (process->known_mean[j] - process->centre[j]);
     }
     rows->rows = r;
 }
@@ -71,11 +74,11 @@ static void rows_of(const gbt_gp *process, gbt_gp_rows *rows)
 /* The factor of the covariance of the rows, with the nugget multiplied by ten as often as that needs; 0 if no nugget
    helps. */
 static int conditioned(const gbt_gp *process, const gbt_gp_settings *settings, const gbt_gp_rows *rows, gbt_real *nugget,
-                       gbt_real factor[GBT_PACKED])
+                       gbt_wide factor[GBT_PACKED])
 {
     *nugget = GBT_TUNED_NUGGET ? gbt_exp(process->log_theta[GBT_TUNABLE - 1]) : settings->tuning.nugget;
     for (;;) {
-        gbt_gp_covariance(rows, process->log_theta, *nugget, factor);
+        gbt_gp_covariance(rows, process->log_theta, *nugget, factor, 0);
         if (gbt_factor(factor, rows->rows)) return 1;
         if (!(*nugget < LARGEST_NUGGET)) return 0;
         *nugget = gbt_fmin(10 * gbt_fmax(*nugget, SMALLEST_NUGGET), LARGEST_NUGGET);
@@ -86,7 +89,8 @@ static int conditioned(const gbt_gp *process, const gbt_gp_settings *settings, c
 typedef struct {
     gbt_gp_rows rows;
     int sound; /* whether there is one */
-    gbt_real nugget, variance, factor[GBT_PACKED], values[R];
+    gbt_real nugget, variance;
+    gbt_wide factor[GBT_PACKED], values[R];
 } posterior;
 
 static void condition(const gbt_gp *process, const gbt_gp_settings *settings, posterior *of)
@@ -95,34 +99,35 @@ static void condition(const gbt_gp *process, const gbt_gp_settings *settings, po
     of->variance = gbt_exp(2 * process->log_theta[GBT_SHAPES]);
     of->sound = conditioned(process, settings, &of->rows, &of->nugget, of->factor);
     for (int i = 0; i < of->rows.rows; i++) {
-        of->values[i] = of->rows.value[i];
-        for (int k = 0; k < i; k++) of->values[i] -= of->factor[ROW(i) + k] * of->values[k];
-        of->values[i] /= of->factor[ROW(i) + i];
+        gbt_wide rest = gbt_widen(of->rows.value[i]);
+        for (int k = 0; k < i; k++) rest = gbt_less(rest, of->factor[ROW(i) + k], of->values[k]);
+        of->values[i] = gbt_over(rest, of->factor[ROW(i) + i]);
     }
 }
 
 /* The mean and the covariance at a time. */
 static void predict(const gbt_gp *process, const posterior *of, double time, gbt_real *mean, gbt_real *covariance)
 {
-    gbt_real cross[R][D];
+    gbt_wide cross[R][D];
     const int n = of->rows.rows;
+    const gbt_wide now = gbt_widen_double(time - of->rows.zero);
     for (int i = 0; i < n; i++) {
-        const gbt_real lag = (gbt_real)(of->rows.time[i] - time);
-        const gbt_real k = of->variance * gbt_gp_kernel(lag, process->log_theta, 0);
+        const gbt_wide lag = gbt_plus(of->rows.time[i], gbt_negative(now));
+        const gbt_wide k = gbt_times(gbt_widen(of->variance), gbt_gp_kernel(lag, process->log_theta, 0));
         for (int a = 0; a < D; a++) {
-            cross[i][a] = k * of->rows.direction[i][a];
-            for (int j = 0; j < i; j++) cross[i][a] -= of->factor[ROW(i) + j] * cross[j][a];
-            cross[i][a] /= of->factor[ROW(i) + i];
+            gbt_wide rest = gbt_times(k, gbt_widen(of->rows.direction[i][a]));
+            for (int j = 0; j < i; j++) rest = gbt_less(rest, of->factor[ROW(i) + j], cross[j][a]);
+            cross[i][a] = gbt_over(rest, of->factor[ROW(i) + i]);
         }
     }
     for (int a = 0; a < D; a++) {
-        gbt_real sum = process->centre[a];
-        for (int i = 0; i < n; i++) sum += cross[i][a] * of->values[i];
-        mean[a] = of->sound ? sum : (gbt_real)NAN;
+        gbt_wide sum = gbt_widen(process->centre[a]);
+        for (int i = 0; i < n; i++) sum = gbt_more(sum, cross[i][a], of->values[i]);
+        mean[a] = of->sound ? gbt_narrow(sum) : (gbt_real)NAN;
         for (int b = 0; b < D; b++) {
-            gbt_real rest = a == b ? of->variance : 0;
-            for (int i = 0; i < n; i++) rest -= cross[i][a] * cross[i][b];
-            covariance[a * D + b] = rest;
+            gbt_wide rest = gbt_widen(a == b ? of->variance : 0);
+            for (int i = 0; i < n; i++) rest = gbt_less(rest, cross[i][a], cross[i][b]);
+            covariance[a * D + b] = gbt_narrow(rest);
         }
     }
 }
