@@ -14,7 +14,7 @@
 #ifdef GBT_SINGLE
 #define LEAST_LOG_NUGGET ((gbt_real)-30.6) /* 5e-14, about the rounding of a covariance in gbt_wide */
 #else
-#define LEAST_LOG_NUGGET -GBT_INFINITY
+#define LEAST_LOG_NUGGET (-GBT_INFINITY)
 #endif
 #define LOG_TWO_PI ((gbt_real)1.8378770664093453)
 
@@ -195,7 +195,7 @@ static gbt_real scoring_step(gbt_real information[P][P], const gbt_real *gradien
                              gbt_real *step)
 {
     gbt_real curvature[P * P], found[P], largest = 0, longest = 0, gain = 0;
-    int count = 0, place[P];
+    int count = 0, place[P] = {0};
     for (int p = 0; p < P; p++)
         if (free[p]) place[count++] = p;
     for (int a = 0; a < count; a++) {
