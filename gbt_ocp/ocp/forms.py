@@ -15,7 +15,7 @@ import numpy as np
 from gbt_ocp.models.dynamics import Dynamics, integrated
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ProblemData, ShootingData
 from gbt_ocp.ocp.terms import Constraint, Objective
-from gbt_ocp.ocp.thrust_limits import ThrustLimit
+from gbt_ocp.ocp.thrust_limits import InputRateLimit, ThrustEffort, ThrustLimit
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.ocp.transcription import (
     constraint_value,
@@ -80,6 +80,8 @@ class FlatForm:
 class ShootingForm:
     """The form of trajectories by integration: a point is state, inputs of the piece and the share of it that is over.
 
+    Where the rates of inputs are limited, the inputs at the end of the piece before follow the state of the vehicle.
+
     Attributes
     ----------
     states, held
@@ -92,7 +94,8 @@ class ShootingForm:
 
     def __init__(self, problem: ShootingData) -> None:
         self._problem, self.dynamics = problem, Dynamics(problem.vehicle)
-        self.states, self.held = self.dynamics.states, problem.freedoms
+        self.states = self.dynamics.states + self.dynamics.inputs * problem.remembers_inputs
+        self.held = problem.freedoms
         self.width = self.states + self.held
         self.point = ca.SX.sym("point", self.width + 1)
         self.scale = np.tile(problem.vehicle.thrust_max, problem.freedoms // self.dynamics.inputs)
@@ -101,13 +104,14 @@ class ShootingForm:
 
     def state_after(self, share: Any) -> Any:
         """The state after a share of the piece ``(states,)``."""
-        problem, state = self._problem, self.point[: self.states]
-        return integrated(self.dynamics, state, self._ends(), share * problem.period, problem.steps)
+        problem, state = self._problem, self.point[: self.dynamics.states]
+        moved = integrated(self.dynamics, state, self._ends(), share * problem.period, problem.steps)
+        return ca.vertcat(moved, self.inputs_after(1.0)) if problem.remembers_inputs else moved
 
     def inputs_after(self, share: Any) -> Any:
         """The inputs after a share of the piece ``(m,)``."""
         first, last = self._ends()
-        return first + (last - first) * share if self.held > self.dynamics.inputs else first
+        return first + (last - first) * share if self._problem.thrust == "linear" else first
 
     def objective(self, term: Objective, stacked: Any) -> Any:
         """A term at an endpoint, of :attr:`objective_point`."""
@@ -118,13 +122,18 @@ class ShootingForm:
         """The bounded quantities at :attr:`point`; the thrust is one of its numbers."""
         share = self.point[self.width]
         inputs = self.inputs_after(share)
-        if isinstance(constraint, ThrustLimit):
-            return inputs if constraint.units == "newton" else inputs / ca.DM(self._problem.vehicle.thrust_max)
+        if isinstance(constraint, ThrustLimit | ThrustEffort):
+            return constraint.of_inputs(inputs)
+        if isinstance(constraint, InputRateLimit):
+            before = self.point[self.dynamics.states : self.states]
+            return constraint.of_change(self.inputs_after(1.0) - before, self._problem.period)
         return constraint_value(constraint, self.flat_point(self.state_after(share), inputs), stacked)
 
     def grid(self, limit: HardLimit | PenaltyLimit) -> LimitGrid:
         """Where a limit is imposed: thrust that is held once a piece, thrust that is linear at both ends."""
         constraint = limit.constraint
+        if isinstance(constraint, InputRateLimit):
+            return LimitGrid(1, 1, False, True, 2.0)
         if isinstance(constraint, ThrustLimit):
             if self.held == self.dynamics.inputs:
                 return LimitGrid(1, 1, False, True, 2.0)
@@ -142,17 +151,40 @@ class ShootingForm:
     def _ends(self) -> tuple[Any, Any]:
         """The inputs at the beginning and at the end of the piece."""
         inputs, m = self.point[self.states : self.width], self.dynamics.inputs
+        if self._problem.thrust == "linear" and self._problem.remembers_inputs:
+            return self.point[self.dynamics.states : self.states], inputs
         return inputs[:m], inputs[-m:]
 
     def flat_point(self, state: Any, inputs: Any) -> FlatPoint:
         """z and its derivatives at a state under these inputs, as if held."""
-        symbols = ca.SX.sym("state", self.states), ca.SX.sym("inputs", self.dynamics.inputs)
-        found = ca.substitute([*self.dynamics.point(*symbols)], [*symbols], [ca.SX(state), ca.SX(inputs)])
+        own = self.dynamics.states
+        symbols = ca.SX.sym("state", own), ca.SX.sym("inputs", self.dynamics.inputs)
+        found = ca.substitute([*self.dynamics.point(*symbols)], [*symbols], [ca.SX(state)[:own], ca.SX(inputs)])
         return FlatPoint(*found)
+
+    @property
+    def resort(self) -> Any:
+        """Inputs of the last resort ``(m,)`` at the state of :attr:`point`: the vehicle's own, or none at all."""
+        own = getattr(self._problem.vehicle, "last_resort", None)
+        return ca.SX.zeros(self.dynamics.inputs) if own is None else ca.SX(own(self.point[: self.dynamics.states]))
+
+    @property
+    def idle(self) -> Array:
+        """Inputs ``(m,)`` with which the vehicle goes on as it does, as near as that is known: a cold guess."""
+        return np.asarray(getattr(self._problem.vehicle, "idle", np.zeros(self.dynamics.inputs)), dtype=float)
+
+    @property
+    def steps_of_inputs(self) -> Array:
+        """How far an input may change over a piece ``(m,)``; infinite where its rate is not limited."""
+        most = np.full(self.dynamics.inputs, np.inf)
+        for constraint in self._problem.constraints:
+            if isinstance(constraint, InputRateLimit):
+                most = np.minimum(most, self._problem.period * np.asarray(constraint.rate))
+        return most
 
     def _reads_inputs(self, term: Any) -> bool:
         """Whether a term depends on the inputs beside the state, through a derivative of z."""
-        state, inputs = ca.SX.sym("state", self.states), ca.SX.sym("inputs", self.dynamics.inputs)
+        state, inputs = ca.SX.sym("state", self.dynamics.states), ca.SX.sym("inputs", self.dynamics.inputs)
         if not hasattr(term, "value"):
             return False
         numbers = unstacked(term.shapes, ca.SX.sym("p", stacked_size(term.shapes)))

@@ -55,13 +55,16 @@ def _shooting(form: ShootingForm) -> MotionInC:
         c_function("gbt_stage_curvature", [piece, multiplier], curvature),
         c_function("gbt_stage_point", [piece], ca.vertcat(point.z, point.dz)),
         c_function("gbt_stage_inputs", [piece, share], form.inputs_after(share)),
+        c_function("gbt_last_resort", [piece], form.resort),
     ]
     tables = "".join(
         [
             f"const int gbt_stage_entries = {len(rows)};\n",
             c_array("int", "gbt_stage_row", np.array(rows, dtype=int), const="const"),
             c_array("int", "gbt_stage_column", np.array(columns, dtype=int), const="const"),
+            c_array("gbt_real", "gbt_idle", form.idle, const="const"),
+            c_array("gbt_real", "gbt_input_step", np.minimum(form.steps_of_inputs, 1e30), const="const"),
         ]
     )
-    sizes = SHOOTING_FORM.format(states=form.states, held=form.held, at_end=int(form.at_end))
+    sizes = SHOOTING_FORM.format(states=form.states, last=form.dynamics.states, held=form.held, at_end=int(form.at_end))
     return MotionInC(sizes, functions, tables, len(rows))

@@ -84,6 +84,10 @@ void gbt_stage_curvature(const gbt_real *piece, const gbt_real *multiplier, cons
 extern const int gbt_stage_entries, gbt_stage_row[], gbt_stage_column[];
 /* Flat output and its rate at a piece's beginning. */
 void gbt_stage_point(const gbt_real *piece, const gbt_real *second, const gbt_real *third, gbt_real *point);
+/* Inputs of the last resort at its state, GBT_INPUTS; the idle ones, where a cold solve begins; and how far an input may
+   change from GBT_LAST of a state on over a piece, infinite where its rate is not limited. */
+void gbt_last_resort(const gbt_real *piece, const gbt_real *second, const gbt_real *third, gbt_real *inputs);
+extern const gbt_real gbt_idle[GBT_INPUTS], gbt_input_step[GBT_INPUTS];
 /* The inputs after a share of a piece. */
 void gbt_stage_inputs(const gbt_real *piece, const gbt_real *share, const gbt_real *third, gbt_real *inputs);
 #else
@@ -120,7 +124,8 @@ FLAT_FORM = """#define GBT_SHOOTING 0
 """Sizes of the flat form."""
 
 SHOOTING_FORM = """#define GBT_SHOOTING 1
-#define GBT_STATES {states}           /* of the vehicle */
+#define GBT_STATES {states}           /* of the vehicle, and the inputs of the piece before where rates are limited: */
+#define GBT_LAST {last}             /* which begin here; GBT_STATES where there are none */
 #define GBT_HELD {held}             /* unknowns of a piece: its inputs, or those at both of its ends */
 #define GBT_COST_AT_END {at_end}      /* whether the objective reads the state at the end of a piece alone */
 """

@@ -65,7 +65,8 @@ void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top);
 /* What is free in a piece that is added to a plan, from what was in its last one, GBT_FREE each. */
 void gbt_lengthen(const gbt_real *last, gbt_real *added);
 
-/* The last resort: a plan from start that slows the vehicle down, GBT_PIECES x GBT_FREE. */
+/* The last resort: a plan from start that slows the vehicle down, or does what the vehicle has for that; GBT_PIECES x
+   GBT_FREE. */
 void gbt_brake(const gbt_real *start, gbt_real *top);
 
 /* Of a plan: what the objective gains at the end of a piece; the inputs after a share of it; flat output and rate at its
@@ -111,6 +112,9 @@ void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *ch
 
 /* The inputs of piece i after a part of the step, where its state has become another one. */
 void gbt_follow_gains(gbt_workspace *work, int i, gbt_real part, const gbt_real *state, gbt_real *inputs);
+
+/* Cuts the inputs of a piece to what there is, and to what their rates allow. */
+void gbt_admit(gbt_piece piece);
 
 /* work->gradient again, for other numbers of the objective. */
 void gbt_objective_slopes(gbt_workspace *work);
