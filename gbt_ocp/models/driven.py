@@ -119,7 +119,6 @@ class DrivenBody:
         """``Σ|τ_i w_i|`` in W, w_i the velocity along which an input pushes."""
         return float(np.sum(np.abs(np.asarray(inputs, dtype=float) * np.asarray(self._along(state)).ravel())))
 
-
     def clipped(self, inputs: ArrayLike) -> Array:
         """Inputs ``(m,)`` within their limits."""
         return ThrustRange.of(self).clip(inputs)

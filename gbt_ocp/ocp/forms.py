@@ -7,6 +7,7 @@ that of :class:`~gbt_ocp.ocp.problem_data.ProblemData`, the other one that of
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -61,6 +62,14 @@ class FlatForm:
         """The bounded quantities at :attr:`point`."""
         return constraint_value(constraint, self._split(self.point), stacked)
 
+    def at_node(self, constraint: Constraint, stacked: Any) -> Any:
+        """The same, as the generated C has it."""
+        return self.constraint(constraint, stacked)
+
+    def moves(self, constraint: Constraint) -> bool:
+        """Whether the generated C has a constraint as a function of the state at its node, which steps lead to."""
+        return False
+
     def grid(self, limit: HardLimit | PenaltyLimit) -> LimitGrid:
         """Where a limit is imposed; a penalty also at the node where nothing can change it."""
         given = first_free_node(self._problem, limit.constraint)
@@ -88,6 +97,9 @@ class ShootingForm:
         Numbers of the state, and unknowns of a piece.
     width
         Both together.
+    steps
+        Runge-Kutta steps over a piece: those of the problem, or where there are several as few more as it takes for
+        the nodes of all limits to lie at their ends.
     at_end
         Whether the objective reads nothing but the state at the end of a piece.
     """
@@ -96,6 +108,9 @@ class ShootingForm:
         self._problem, self.dynamics = problem, Dynamics(problem.vehicle)
         self.states = self.dynamics.states + self.dynamics.inputs * problem.remembers_inputs
         self.held = problem.freedoms
+        imposed = [*problem.hard, *problem.penalties]
+        nodes = [limit.nodes for limit in imposed if self._reads_state(limit.constraint)]
+        self.steps = 1 if problem.steps == 1 else problem.steps + -problem.steps % math.lcm(1, *nodes)
         self.width = self.states + self.held
         self.point = ca.SX.sym("point", self.width + 1)
         self.scale = np.tile(problem.vehicle.thrust_max, problem.freedoms // self.dynamics.inputs)
@@ -104,9 +119,20 @@ class ShootingForm:
 
     def state_after(self, share: Any) -> Any:
         """The state after a share of the piece ``(states,)``."""
-        problem, state = self._problem, self.point[: self.dynamics.states]
-        moved = integrated(self.dynamics, state, self._ends(), share * problem.period, problem.steps)
-        return ca.vertcat(moved, self.inputs_after(1.0)) if problem.remembers_inputs else moved
+        moved = self.point[: self.dynamics.states]
+        for k in range(self.steps):
+            begin, end = k / self.steps, (k + 1) / self.steps
+            if self.steps == 1:
+                end = share
+            elif not isinstance(share, float) or share < 1.0:
+                begin, end = ca.fmin(begin, share), ca.fmin(end, share)
+            moved = self.flow(moved, begin, end)
+        return ca.vertcat(moved, self.inputs_after(1.0)) if self._problem.remembers_inputs else moved
+
+    def flow(self, state: Any, begin: Any, end: Any) -> Any:
+        """The vehicle's state after one Runge-Kutta step from one share of the piece to another."""
+        inputs = self.inputs_after(begin), self.inputs_after(end)
+        return integrated(self.dynamics, state, inputs, (end - begin) * self._problem.period, 1)
 
     def inputs_after(self, share: Any) -> Any:
         """The inputs after a share of the piece ``(m,)``."""
@@ -120,6 +146,22 @@ class ShootingForm:
 
     def constraint(self, constraint: Constraint, stacked: Any) -> Any:
         """The bounded quantities at :attr:`point`; the thrust is one of its numbers."""
+        return self._bounded(constraint, stacked, self.state_after(self.point[self.width]))
+
+    def at_node(self, constraint: Constraint, stacked: Any) -> Any:
+        """The same, as the generated C has it: where :meth:`moves`, the state in the point is that at the node."""
+        return (
+            self._bounded(constraint, stacked, self.point) if self.steps > 1 else self.constraint(constraint, stacked)
+        )
+
+    def moves(self, constraint: Constraint) -> bool:
+        """Whether the generated C has a constraint as a function of the state at its node, which steps lead to."""
+        return self.steps > 1 and self._reads_state(constraint)
+
+    def _reads_state(self, constraint: Constraint) -> bool:
+        return not isinstance(constraint, ThrustLimit | ThrustEffort | InputRateLimit)
+
+    def _bounded(self, constraint: Constraint, stacked: Any, state: Any) -> Any:
         share = self.point[self.width]
         inputs = self.inputs_after(share)
         if isinstance(constraint, ThrustLimit | ThrustEffort):
@@ -127,7 +169,7 @@ class ShootingForm:
         if isinstance(constraint, InputRateLimit):
             before = self.point[self.dynamics.states : self.states]
             return constraint.of_change(self.inputs_after(1.0) - before, self._problem.period)
-        return constraint_value(constraint, self.flat_point(self.state_after(share), inputs), stacked)
+        return constraint_value(constraint, self.flat_point(state, inputs), stacked)
 
     def grid(self, limit: HardLimit | PenaltyLimit) -> LimitGrid:
         """Where a limit is imposed: thrust that is held once a piece, thrust that is linear at both ends."""

@@ -70,7 +70,10 @@ class ShotFollower:
         self._angles = slice(d, n)
         weights = np.full(size, RATE_WEIGHT)
         weights[:d], weights[d:n] = 1.0, ANGLE_WEIGHT
-        self._weights, self._effort = np.diag(weights**2), np.diag(1.0 / np.asarray(vehicle.thrust_max, dtype=float) ** 2)
+        self._weights, self._effort = (
+            np.diag(weights**2),
+            np.diag(1.0 / np.asarray(vehicle.thrust_max, dtype=float) ** 2),
+        )
         self._of: Array | None = None
         self._spacing = GRID_S
         self._states = self._inputs = self._gains = np.zeros(0)

@@ -160,7 +160,5 @@ class ProblemVehicleSection(Section):
     hotel_w: float = _HOTEL
 
 
-AnyVehicle = Annotated[
-    FossenVehicleSection | DrivenVehicleSection | ProblemVehicleSection, Field(discriminator="kind")
-]
+AnyVehicle = Annotated[FossenVehicleSection | DrivenVehicleSection | ProblemVehicleSection, Field(discriminator="kind")]
 """The section; ``kind`` chooses between its classes."""

@@ -94,7 +94,7 @@ def placed_limits(problem: PosedProblem, form: FlatForm | ShootingForm, moving: 
     for constraint in problem.constraints:
         own = moving[offset : offset + limit_size(constraint)]
         offset += limit_size(constraint)
-        value = ca.SX(ca.vertcat(form.constraint(constraint, own))) / ca.DM(constraint.scale)
+        value = ca.SX(ca.vertcat(form.at_node(constraint, own))) / ca.DM(constraint.scale)
         bound = np.where(np.isfinite(constraint.upper), constraint.upper, constraint.lower) / constraint.scale
         found.append(placed(value, point[:d], own, point[d:], origin, bound))
     return found
@@ -129,7 +129,11 @@ def limit_in_c(
     jacobian = ca.jacobian(value, place)[:, :width]
     curvature = ca.hessian(ca.dot(first, value), place)[0][:width, :width]
     curvature += ca.mtimes([jacobian.T, ca.diag(second), jacobian])
+    moved = form.moves(constraint)
     slopes, slope_rows, slope_columns = nonzeros(jacobian)
+    if moved:  # row by row, for the chain rule
+        slopes, (rows, columns) = ca.vec(ca.densify(jacobian).T), np.indices(jacobian.shape)
+        slope_rows, slope_columns = rows.ravel().tolist(), columns.ravel().tolist()
     curves, curve_rows, curve_columns = nonzeros(ca.tril(curvature))
     functions = [
         c_function(f"{name}_value", [place], value),
@@ -154,7 +158,7 @@ def limit_in_c(
     kind = ("GBT_THRUST", "GBT_CERTAIN", "GBT_BELIEVED")[limit_class(problem, constraint)]
     definition = (
         f"    {{{value.numel()}, {len(sides)}, {grid.intervals}, {grid.first}, {hard}, {kind},\n"
-        f"     {int(grid.given)}, {judged}, {int(grid.steady)},\n"
+        f"     {int(grid.given)}, {judged}, {int(grid.steady)}, {int(moved)},\n"
         f"     {name}_side_row, {name}_side_sign, {name}_side_bound,\n"
         f"     {name}_side_edge, {name}_side_weight, {name}_side_width,\n"
         f"     {name}_value, {name}_jacobian, {name}_curvature,\n"

@@ -113,6 +113,24 @@ void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *ch
 /* The inputs of piece i after a part of the step, where its state has become another one. */
 void gbt_follow_gains(gbt_workspace *work, int i, gbt_real part, const gbt_real *state, gbt_real *inputs);
 
+#if GBT_STEPS > 1
+/* Along a piece of several Runge-Kutta steps: its numbers after a share of it, what moves of its state after each step,
+   and the derivatives of that for the numbers of the piece. */
+void gbt_state_after(gbt_piece piece, gbt_real share, gbt_real *at);
+void gbt_passed_states(gbt_piece piece, gbt_real states[GBT_STEPS + 1][GBT_LAST]);
+void gbt_passed_slopes(gbt_piece piece, gbt_real states[GBT_STEPS + 1][GBT_LAST],
+                       gbt_real along[GBT_STEPS + 1][GBT_LAST][GBT_PIECE]);
+void gbt_end_slopes(gbt_real along[GBT_LAST][GBT_PIECE], gbt_real slopes[GBT_STATE][GBT_PIECE]);
+/* The chain rule: a row of first derivatives, and second derivatives added to the lower triangle of a matrix. */
+void gbt_chained(gbt_real along[GBT_LAST][GBT_PIECE], gbt_real *row);
+void gbt_add_chained(gbt_real along[GBT_LAST][GBT_PIECE], const gbt_real *entry, int entries, const int *rows,
+                     const int *columns, gbt_real matrix[GBT_PIECE][GBT_PIECE]);
+/* Second derivatives of the states after the steps times multipliers, which are spent. */
+void gbt_flow_bend(gbt_piece piece, gbt_real states[GBT_STEPS + 1][GBT_LAST],
+                   gbt_real along[GBT_STEPS + 1][GBT_LAST][GBT_PIECE], gbt_real push[GBT_STEPS + 1][GBT_LAST],
+                   gbt_real *bend);
+#endif
+
 /* Cuts the inputs of a piece to what there is, and to what their rates allow. */
 void gbt_admit(gbt_piece piece);
 

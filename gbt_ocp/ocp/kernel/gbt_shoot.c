@@ -7,8 +7,34 @@
 
 void gbt_place_after(gbt_piece piece, gbt_real share, gbt_real *place)
 {
+#if GBT_STEPS > 1
+    gbt_state_after(piece, share, place);
+#else
     for (int a = 0; a < GBT_PIECE; a++) place[a] = piece[a];
+#endif
     place[GBT_PIECE] = share;
+}
+
+#if GBT_STEPS > 1
+typedef gbt_real (*passed_states)[GBT_STEPS + 1][GBT_LAST];
+#define PASSED_STATES(work) ((work)->passed)
+#else
+typedef void *passed_states;
+#define PASSED_STATES(work) 0
+#endif
+
+/* A place at a node, where the states after the steps are known. */
+static void place_at_node(gbt_piece piece, passed_states passed, int i, const gbt_limit *limit, int k, gbt_real *place)
+{
+    for (int a = 0; a < GBT_PIECE; a++) place[a] = piece[a];
+    place[GBT_PIECE] = (gbt_real)k / (gbt_real)limit->intervals;
+#if GBT_STEPS > 1
+    if (limit->moved)
+        for (int a = 0; a < GBT_LAST; a++) place[a] = passed[i][k * GBT_STEPS / limit->intervals][a];
+#else
+    (void)passed;
+    (void)i;
+#endif
 }
 
 void gbt_next_piece(gbt_piece piece, gbt_piece next)
@@ -111,6 +137,12 @@ void gbt_adjoint(const gbt_workspace *work, gbt_piece gradient[], gbt_real out[]
 gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
 {
     gbt_real place[GBT_PLACE], value[GBT_ROWS], f = 0;
+#if GBT_STEPS > 1
+    gbt_real states[GBT_PIECES][GBT_STEPS + 1][GBT_LAST], (*passed)[GBT_STEPS + 1][GBT_LAST] = states;
+    for (int i = 0; i < work->pieces; i++) gbt_passed_states(piece[i], states[i]);
+#else
+    passed_states passed = 0;
+#endif
     for (int i = 0; i < work->pieces; i++) {
         gbt_objective.value(seen_by_objective(piece, i), work->parameters + i * GBT_END_NUMBERS, 0, value);
         f -= value[0];
@@ -120,7 +152,7 @@ gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
         for (int k = limit->first; k <= limit->intervals; k++) {
             const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
             for (int i = 0; i < work->pieces; i++) {
-                gbt_place_after(piece[i], share, place);
+                place_at_node(piece[i], passed, i, limit, k, place);
                 gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, share, place);
                 limit->value(place, 0, 0, value);
                 for (int r = 0; r < limit->sides; r++)
@@ -148,15 +180,27 @@ void gbt_differentiate(gbt_workspace *work)
     gbt_real place[GBT_PLACE];
     gbt_real *jacobian = work->jacobian;
     gbt_objective_slopes(work);
-    for (int i = 0; i < work->pieces; i++) gbt_stage_slopes(work->piece[i], 0, 0, &work->slopes[i][0][0]);
+    for (int i = 0; i < work->pieces; i++) {
+#if GBT_STEPS > 1
+        gbt_passed_slopes(work->piece[i], work->passed[i], work->along[i]);
+        gbt_end_slopes(work->along[i][GBT_STEPS], work->slopes[i]);
+#else
+        gbt_stage_slopes(work->piece[i], 0, 0, &work->slopes[i][0][0]);
+#endif
+    }
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
         for (int k = limit->first; k <= limit->intervals; k++) {
             const gbt_real share = (gbt_real)k / (gbt_real)limit->intervals;
             for (int i = 0; i < work->pieces; i++) {
-                gbt_place_after(work->piece[i], share, place);
+                place_at_node(work->piece[i], PASSED_STATES(work), i, limit, k, place);
                 gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, share, place);
                 limit->jacobian(place, 0, 0, jacobian);
+#if GBT_STEPS > 1
+                if (limit->moved)
+                    for (int r = 0; r < limit->rows; r++)
+                        gbt_chained(work->along[i][k * GBT_STEPS / limit->intervals], jacobian + r * GBT_PIECE);
+#endif
                 jacobian += limit->jacobian_entries;
             }
         }
@@ -212,6 +256,12 @@ void gbt_assemble(gbt_workspace *work)
     gbt_real place[GBT_PLACE], entry[GBT_ENTRIES], first[GBT_ROWS], second[GBT_ROWS];
     const gbt_real *lambda = work->lambda, *sigma = work->sigma;
     const gbt_real weight = -1;
+#if GBT_STEPS > 1
+    gbt_real push[GBT_PIECES][GBT_STEPS + 1][GBT_LAST], slopes[GBT_ROWS * GBT_PIECE];
+    for (int i = 0; i < work->pieces; i++)
+        for (int k = 0; k <= GBT_STEPS; k++)
+            for (int a = 0; a < GBT_LAST; a++) push[i][k][a] = k < GBT_STEPS ? 0 : work->pull[i + 1][a];
+#endif
 
     for (int i = 0; i <= work->pieces; i++)
         for (int a = 0; a < GBT_PIECE; a++)
@@ -220,7 +270,9 @@ void gbt_assemble(gbt_workspace *work)
         gbt_objective.hessian(seen_by_objective(work->piece, i), work->parameters + i * GBT_END_NUMBERS, &weight, entry);
         add(entry, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column,
             work->curvature[i + GBT_COST_AT_END]);
+#if GBT_STEPS == 1
         gbt_stage_curvature(work->piece[i], work->pull[i + 1], 0, work->bend[i]);
+#endif
     }
     for (int q = 0; q < GBT_LIMITS; q++) {
         const gbt_limit *limit = &gbt_limits[q];
@@ -232,12 +284,27 @@ void gbt_assemble(gbt_workspace *work)
                     first[limit->row[r]] += limit->sign[r] * *lambda++;
                     second[limit->row[r]] += *sigma++;
                 }
-                gbt_place_after(work->piece[i], share, place);
+                place_at_node(work->piece[i], PASSED_STATES(work), i, limit, k, place);
                 gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, share, place);
                 limit->curvature(place, first, second, entry);
+#if GBT_STEPS > 1
+                if (limit->moved) {
+                    const int node = k * GBT_STEPS / limit->intervals;
+                    limit->jacobian(place, 0, 0, slopes);
+                    for (int r = 0; r < limit->rows; r++)
+                        for (int a = 0; a < GBT_LAST; a++) push[i][node][a] += first[r] * slopes[r * GBT_PIECE + a];
+                    gbt_add_chained(work->along[i][node], entry, limit->curvature_entries, limit->curvature_row,
+                                    limit->curvature_column, work->curvature[i]);
+                    continue;
+                }
+#endif
                 add(entry, limit->curvature_entries, limit->curvature_row, limit->curvature_column,
                     work->curvature[i]);
             }
         }
     }
+#if GBT_STEPS > 1
+    for (int i = 0; i < work->pieces; i++)
+        gbt_flow_bend(work->piece[i], work->passed[i], work->along[i], push[i], work->bend[i]);
+#endif
 }
