@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gbt_ocp.guidance.helm import helm_of
+from gbt_ocp.guidance.helm import SteeringLimits, helm_of
 from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.strategy import Guidance
@@ -121,8 +121,8 @@ class CrossFirst:
         Part of the speed that leads away from the target, in m/s.
     leg
         Time in seconds after which the vehicle crosses the other way.
-    slowest
-        Least speed ahead in m/s of a vehicle that is not flat.
+    limits
+        Those of the steering of a vehicle that is not flat.
 
     Raises
     ------
@@ -141,7 +141,7 @@ class CrossFirst:
         speed: float,
         opening: float,
         leg: float,
-        slowest: float = 0.0,
+        limits: SteeringLimits | None = None,
     ) -> None:
         positive("deviation", deviation)
         positive("speed", speed)
@@ -150,7 +150,7 @@ class CrossFirst:
             raise ValueError(f"guidance.startup_opening: found {opening}; allowed: a number < startup_speed = {speed}")
         self.planned = planned
         self.speed = float(speed)
-        self._dynamics = helm_of(vehicle, period, slowest)
+        self._dynamics = helm_of(vehicle, period, limits)
         unit = vector("axis", axis, 3)
         unit /= positive("length of axis", float(np.linalg.norm(unit)))
         self._crossing = Crossing(unit, deviation, float(np.sqrt(speed**2 - opening**2)), opening, leg)

@@ -113,11 +113,17 @@ class DrivenBody:
 
     def turned(self, eta: ArrayLike) -> Array:
         """J(η) ``(n, n)``: η̇ = J ν."""
-        return np.asarray(self._turn(eta))
+        return np.asarray(self._turn(np.asarray(eta, dtype=float)))
 
     def power(self, state: ArrayLike, inputs: ArrayLike) -> float:
         """``Σ|τ_i w_i|`` in W, w_i the velocity along which an input pushes."""
-        return float(np.sum(np.abs(np.asarray(inputs, dtype=float) * np.asarray(self._along(state)).ravel())))
+        return float(
+            np.sum(
+                np.abs(
+                    np.asarray(inputs, dtype=float) * np.asarray(self._along(np.asarray(state, dtype=float))).ravel()
+                )
+            )
+        )
 
     def clipped(self, inputs: ArrayLike) -> Array:
         """Inputs ``(m,)`` within their limits."""

@@ -94,6 +94,8 @@ class KnownDriven:
         Least speed ahead in m/s at which it is to be steered; 0 where it may stop.
     turn_radius
         Least radius of its turns in m; 0 where it turns on the spot.
+    speed
+        Largest speed ahead in m/s.
     cruise
         Speed ahead in m/s at which it starts where nothing else is said.
     quickest
@@ -108,6 +110,7 @@ class KnownDriven:
     rate_max: tuple[float, ...]
     speed_min: float
     turn_radius: float
+    speed: float
     cruise: float
     quickest: float
     made: Callable[[tuple[float, ...], tuple[float, ...]], DrivenBody]
@@ -129,6 +132,7 @@ def _torpedo(dimension: int) -> KnownDriven:
         rate_max=(0.5 * LAUV_THRUST, *(LAUV_FIN,) * fins),
         speed_min=0.8,
         turn_radius=4.0,
+        speed=1.96,
         cruise=1.2,
         quickest=10.3,
         made=lambda upper, lower: Torpedo(dimension, LAUV, upper, lower),
@@ -145,6 +149,7 @@ KNOWN_DRIVEN = {
         rate_max=(OTTER_THRUST[0],) * 2,  # assumed: full thrust in 1 s
         speed_min=0.0,
         turn_radius=0.0,
+        speed=3.08,
         cruise=0.0,
         quickest=7.5,
         made=lambda upper, lower: TwinThrusterVessel(OTTER, upper, lower),

@@ -31,7 +31,7 @@ def steady_velocity(vehicle: DrivenBody, inputs: ArrayLike) -> Array:
     start[n] = BEGIN
 
     def change(nu: Array) -> Array:
-        return vehicle.rates(np.concatenate([np.zeros(n), nu]), given)[n:]
+        return np.asarray(vehicle.rates(np.concatenate([np.zeros(n), nu]), given)[n:])
 
     near = solve_ivp(lambda t, nu: change(nu), (0.0, SEARCH), start[n:], rtol=1e-4, atol=1e-6, method="LSODA")
     found = root(change, near.y[:, -1], tol=1e-10)
@@ -65,8 +65,15 @@ def turning_circle(vehicle: DrivenBody, push: float, turn: float) -> tuple[float
 
 def speed_on_circle(vehicle: DrivenBody, radius: float, push: float) -> float:
     """Speed in m/s on a circle of a radius in m, at a share of the push; on the tightest one if that is wider."""
+    return turning_circle(vehicle, push, turn_for(vehicle, radius, push))[0]
+
+
+def turn_for(vehicle: DrivenBody, radius: float, push: float) -> float:
+    """Largest share of the turn in [0, 1] whose circle, at a share of the push, has at least a radius in m."""
     easy, hard = 0.0, 1.0
-    for _ in range(20):
+    if turning_circle(vehicle, push, hard)[1] >= radius:
+        return hard
+    for _ in range(16):
         turn = 0.5 * (easy + hard)
         easy, hard = (easy, turn) if turning_circle(vehicle, push, turn)[1] < radius else (turn, hard)
-    return turning_circle(vehicle, push, hard)[0]
+    return easy

@@ -35,7 +35,7 @@ class TorpedoParameters:
     surge_drag
         X_u in N s/m, X_uu in N s²/m².
     force
-        Y_v, Y_r, Y_vv, Y_rr: of s, ω, \\|s\\|s, \\|ω\\|ω.
+        Y_v, Y_r, Y_vv, Y_rr: of s, ω and their signed squares.
     moment
         N_v, N_r, N_vv, N_rr, likewise.
     force_lift, moment_lift
@@ -90,7 +90,7 @@ is that of its tables, lift that of its formulas: of the hull ``ρ π r² 1.24/2
 S`` with S = 64 cm² at 0.4 m astern; the inertia is that of the ellipsoid. Weight and buoyancy are taken as equal."""
 
 LAUV_THRUST = 14.0
-"""Largest thrust of the LAUV in N, with which it reaches 1.97 m/s (Havenstrøm, "From Beginner to Expert", NTNU 2020)."""
+"""Largest thrust of the LAUV in N, good for 1.97 m/s (Havenstrøm, "From Beginner to Expert", NTNU 2020)."""
 
 LAUV_FIN = math.radians(30.0)
 """Largest angle of its fins in rad (the same)."""

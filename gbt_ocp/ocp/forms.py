@@ -26,6 +26,7 @@ from gbt_ocp.ocp.transcription import (
     stacked_size,
     unstacked,
 )
+from gbt_ocp.typing import Array
 
 
 class LimitGrid(NamedTuple):
@@ -108,7 +109,7 @@ class ShootingForm:
         self._problem, self.dynamics = problem, Dynamics(problem.vehicle)
         self.states = self.dynamics.states + self.dynamics.inputs * problem.remembers_inputs
         self.held = problem.freedoms
-        imposed = [*problem.hard, *problem.penalties]
+        imposed: list[HardLimit | PenaltyLimit] = [*problem.hard, *problem.penalties]
         nodes = [limit.nodes for limit in imposed if self._reads_state(limit.constraint)]
         self.steps = 1 if problem.steps == 1 else problem.steps + -problem.steps % math.lcm(1, *nodes)
         self.width = self.states + self.held

@@ -22,7 +22,7 @@ GRID_S = 0.1
 REACH_S = 5.0
 """Time in s of the plan over which the regulator looks ahead."""
 
-SUBSTEPS = 2
+GRID_STEPS = 2
 """Runge-Kutta steps between two points of the grid."""
 
 ANGLE_WEIGHT, RATE_WEIGHT = 2.0, 0.2
@@ -63,7 +63,7 @@ class ShotFollower:
         n, d = vehicle.flat_dimension, vehicle.position_dimension
         size, m = self._dynamics.states, self._dynamics.inputs
         state, inputs, duration = ca.SX.sym("state", size), ca.SX.sym("inputs", m), ca.SX.sym("duration")
-        after = integrated(self._dynamics, state, (inputs, inputs), duration, SUBSTEPS)
+        after = integrated(self._dynamics, state, (inputs, inputs), duration, GRID_STEPS)
         self._step = ca.Function("step", [state, inputs, duration], [after])
         slopes = [after, ca.jacobian(after, state), ca.jacobian(after, inputs)]
         self._slopes = ca.Function("slopes", [state, inputs, duration], slopes)

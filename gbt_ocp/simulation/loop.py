@@ -15,11 +15,9 @@ from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.strategy import Guidance, Placement
 from gbt_ocp.guidance.water import InWater
 from gbt_ocp.models.bearings import DesiredBearing
-from gbt_ocp.models.driven import DrivenBody
 from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target
-from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.follower import BANDWIDTH
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.pilot.online_loop import OnlineLoop
@@ -77,7 +75,7 @@ class ClosedLoop:
     sensor: BearingSensor
     tracker: Tracker | PositionTracker
     guidance: Guidance
-    vehicle: Vehicle | DrivenBody
+    vehicle: Any
     desired: DesiredBearing | PacedBearing
     window: int
     forecast: int

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from gbt_ocp.guidance.circumnavigation import Circumnavigation
 from gbt_ocp.guidance.current import Current, CurrentObserver, KnownCurrent
 from gbt_ocp.guidance.fim_placement import FimPlacement
 from gbt_ocp.guidance.helical import HelicalGuidance
+from gbt_ocp.guidance.helm import SteeringLimits
 from gbt_ocp.guidance.objectives import RangePull
 from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
 from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
@@ -40,7 +41,6 @@ from gbt_ocp.guidance.water import InWater
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.contracts import ContractError, made, named
 from gbt_ocp.models.fossen import FossenParameters, FossenVehicle
-from gbt_ocp.models.driven import DrivenBody
 from gbt_ocp.models.known_vehicles import KNOWN_DRIVEN, KNOWN_VEHICLES
 from gbt_ocp.models.model_checks import check_target, check_vehicle
 from gbt_ocp.models.targets import Target, TrackTarget, case_target
@@ -113,8 +113,8 @@ def build_target(configuration: Configuration, rng: np.random.Generator | None =
     return case_target(int(section.kind[-1]), turn_rate_step=step, every_s=getattr(section, "every_s", 10.0))
 
 
-def build_vehicle(configuration: Configuration) -> Vehicle | DrivenBody:
-    """The vehicle.
+def build_vehicle(configuration: Configuration) -> Any:
+    """The vehicle: a :class:`~gbt_ocp.models.Vehicle`, or a :class:`~gbt_ocp.models.DrivenBody` that is not flat.
 
     Raises
     ------
@@ -279,7 +279,11 @@ def _crossing_first(configuration: Configuration, planned: PlannedMotion, vehicl
         speed=section.startup_speed,
         opening=section.startup_opening,
         leg=section.startup_leg_s,
-        slowest=configuration.limits.speed_min or 0.0,
+        limits=SteeringLimits(
+            slowest=configuration.limits.speed_min or 0.0,
+            radius=configuration.limits.turn_radius_m or 0.0,
+            rate=configuration.limits.input_rate,
+        ),
     )
 
 

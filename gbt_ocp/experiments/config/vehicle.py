@@ -80,6 +80,8 @@ DRIVEN_BY_NAME = {
 """What the vehicles of :data:`gbt_ocp.models.KNOWN_DRIVEN` are, which are not flat."""
 DRIVEN_INPUTS = {"torpedo2d": 2, "torpedo3d": 3, "vessel": 2}
 """Numbers of their inputs."""
+DRIVEN_DIMENSIONS = {"torpedo2d": 2, "torpedo3d": 3, "vessel": 2}
+"""Dimensions of the space in which they move."""
 
 # what vehicles of both kinds have in common, declared once
 _START = Field(default_factory=StartSection, description="Initial state.")

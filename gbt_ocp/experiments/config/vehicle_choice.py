@@ -6,9 +6,13 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from gbt_ocp.experiments.config.faults import value_at
+from gbt_ocp.experiments.config.faults import NOTHING, value_at
 from gbt_ocp.experiments.config.overlay import overlaid
 from gbt_ocp.experiments.config.vehicle import KNOWN_BY_NAME
+
+CROSSING = {"startup_deviation": 0.12, "startup_opening": 0.0, "startup_leg_s": 20.0}
+"""How such a vehicle crosses the line of sight, where a problem has it do so: it is slow and turns slowly, so its legs
+are longer, none of its speed leads away, and plans begin when the standoff leaves them room."""
 
 RESOLVED = 2.1
 """Decay over a Runge-Kutta step that is allowed; beyond 2.78 steps are unstable."""
@@ -52,4 +56,9 @@ def driven_defaults(name: str, beneath: Mapping[str, Any], written: Mapping[str,
     given = (value_at(merged, path) for path in (("planner", "period_s"), ("sensor", "period_s")))
     period = next((value for value in given if isinstance(value, int | float) and 0.0 < value < 1e3), 0.1)
     steps = max(1, math.ceil(known.quickest * period / RESOLVED))
-    return {"planner": {"form": "shooting", "steps": steps}, "limits": limits}
+    defaults: dict[str, Any] = {"planner": {"form": "shooting", "steps": steps}, "limits": limits}
+    if value_at(beneath, ("guidance", "startup_deviation")) not in (NOTHING, 0.0):
+        defaults["guidance"] = CROSSING | {"startup_speed": round(0.97 * known.speed, 2)}
+    if known.turn_radius > 0.0 and value_at(beneath, ("desired_bearing", "reverse_s")) is not NOTHING:
+        defaults["desired_bearing"] = {"reverse_s": None}  # turns that are long: it circles
+    return defaults

@@ -54,7 +54,7 @@ def _shooting(form: ShootingForm) -> MotionInC:
     name, more = ("gbt_stage", []) if single else ("gbt_flow", [span])
     tables = _pattern(name, rows, columns)
     if not single:
-        tables += _pattern("gbt_stage", *np.tril_indices(form.width))
+        tables += _pattern("gbt_stage", *(places.tolist() for places in np.tril_indices(form.width)))
     functions = [
         c_function(name, [piece, *more], end),
         c_function(f"{name}_slopes", [piece, *more], ca.vec(ca.jacobian(end, piece).T)),

@@ -94,8 +94,8 @@ void gbt_stage_curvature(const gbt_real *piece, const gbt_real *multiplier, cons
 extern const int gbt_stage_entries, gbt_stage_row[], gbt_stage_column[];
 /* Flat output and its rate at a piece's beginning. */
 void gbt_stage_point(const gbt_real *piece, const gbt_real *second, const gbt_real *third, gbt_real *point);
-/* Inputs of the last resort at its state, GBT_INPUTS; the idle ones, where a cold solve begins; and how far an input may
-   change from GBT_LAST of a state on over a piece, infinite where its rate is not limited. */
+/* Inputs of the last resort at its state, GBT_INPUTS; the idle ones, where a cold solve begins; and how far inputs may
+   change over a piece, from those that GBT_LAST begins in its state; huge where their rates are not limited. */
 void gbt_last_resort(const gbt_real *piece, const gbt_real *second, const gbt_real *third, gbt_real *inputs);
 extern const gbt_real gbt_idle[GBT_INPUTS], gbt_input_step[GBT_INPUTS];
 /* The inputs after a share of a piece. */
