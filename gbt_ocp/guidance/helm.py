@@ -13,10 +13,10 @@ from gbt_ocp.models.steady_motion import push_for, turning_circle
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.typing import Array
 
-TURN_MARGIN = 1.3
+TURN_MARGIN = 1.4
 """Factor on the least radius: what is kept of it, with feedback and rates of the inputs between."""
 
-COURSE_GAIN, RATE_GAIN, PITCH_GAIN = 0.8, 1.0, 1.5
+COURSE_GAIN, RATE_GAIN, PITCH_GAIN = 0.8, 0.6, 1.5
 """Yaw rate in rad/s for a rad off the course, share of the turn for a rad/s of deviation of the yaw rate, and
 share of the elevator for a rad of pitch."""
 
