@@ -96,6 +96,10 @@ class DrivenBody:
         eta = np.asarray(z, dtype=float)
         return np.concatenate([eta, np.linalg.solve(self.turned(eta), np.asarray(dz, dtype=float))])
 
+    def symbolic_state(self, z: Any, dz: Any) -> Any:
+        """The same in CasADi."""
+        return ca.vertcat(z, ca.solve(self._turned(z), dz))
+
     def flat(self, state: ArrayLike) -> tuple[Array, Array]:
         """The pose η and its rate ``(n,)``; the inverse of :meth:`state`."""
         eta, nu = np.split(np.asarray(state, dtype=float), 2)
