@@ -156,6 +156,6 @@ def run(
     # the configuration has no limits of a problem's own vehicle
     limits = ThrustRange.of(loop.vehicle)
     summary["thrust_max"], summary["thrust_min"] = limits.upper.tolist(), limits.lower.tolist()
-    if isinstance(loop.vehicle, DrivenBody):
-        summary["inputs"] = list(loop.vehicle.input_names[loop.vehicle.position_dimension])
+    driven = loop.vehicle if isinstance(loop.vehicle, DrivenBody) else None
+    summary["inputs"] = None if driven is None else list(driven.input_names[driven.position_dimension])
     return Result(configuration, history, summary)

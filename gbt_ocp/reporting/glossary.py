@@ -53,7 +53,7 @@ RUN_NUMBERS = {
     "warnings": ("", "doubts about the settings, and what happened on the way"),
     "thrust_max": ("N, N m", "limits of the thrust"),
     "thrust_min": ("N, N m", "its lower limits"),
-    "inputs": ("", "what the inputs of a vehicle that is not flat are called"),
+    "inputs": ("", "what the inputs of a vehicle that is not flat are called, else null"),
 }
 """Keys of the ``summary.json`` of a run, in the order of the file: unit and meaning."""
 
