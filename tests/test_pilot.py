@@ -67,7 +67,7 @@ def tracked(pilot, t):
 def test_between_navigations_the_pose_is_the_cubic_of_scipy():
     rng = np.random.default_rng(0)
     times, poses, rates = np.cumsum(rng.uniform(0.1, 0.9, 5)), rng.normal(size=(5, 4)), rng.normal(size=(5, 4))
-    track = OwnTrack(late=10.0, gap=1.0)
+    track = OwnTrack(late=10.0, gap=1.0, dimension=2)
     for t, pose, rate in zip(times, poses, rates, strict=True):
         assert track.add(OwnState(t, pose, rate), -math.inf) == "taken"
     spline = CubicHermiteSpline(times, poses, rates)
@@ -82,7 +82,7 @@ def test_between_navigations_the_pose_is_the_cubic_of_scipy():
 
 
 def test_the_yaw_goes_the_short_way_round():
-    track = OwnTrack(late=10.0, gap=1.0)
+    track = OwnTrack(late=10.0, gap=1.0, dimension=2)
     for t, yaw in ((0.0, 3.1), (1.0, -3.1)):
         track.add(OwnState(t, np.array([0.0, 0.0, yaw]), np.array([0.0, 0.0, 0.0832])), -math.inf)
     assert math.cos(track.at(0.5).pose[2]) == pytest.approx(-1.0, abs=1e-3)
@@ -91,7 +91,7 @@ def test_the_yaw_goes_the_short_way_round():
 def test_rates_in_the_earth_frame_are_those_of_finite_differences():
     h = 1e-6
     numeric = (pose_at(1.0 + h)[0] - pose_at(1.0 - h)[0]) / (2.0 * h)
-    assert earth_rates(pose_at(1.0)[0][2], pose_at(1.0)[1]) == pytest.approx(numeric, abs=1e-8)
+    assert earth_rates(*pose_at(1.0), 2) == pytest.approx(numeric, abs=1e-8)
 
 
 # ---- order, lateness, doubles, gaps, steps, numbers that are none ---------------------------------------------------
@@ -272,7 +272,7 @@ def test_between_decisions_the_plan_is_followed_on():
         commands.append(pilot.command(t))
         plan, since = commands[-1].plan, t + 0.02 - commands[-1].decided.time
         z, dz = plan(since), plan(since, 1)
-        pose, velocity = z, earth_rates(-z[2], dz)
+        pose, velocity = z, earth_rates(-z, dz, 2)
     decided = [command.decided.time for command in commands]
     assert sorted(set(decided)) == pytest.approx(0.1 * np.arange(7))
     for command in commands:
@@ -293,7 +293,7 @@ def test_where_the_vehicle_is_off_its_plan_the_thrust_leads_back():
     z, dz = start.plan(0.04), start.plan(0.04, 1)
     thrusts = []
     for pilot, off in zip(pilots, (0.0, 0.2), strict=True):
-        pilot.navigate(0.04, z + np.array([off, 0.0, 0.0]), earth_rates(-z[2], dz))
+        pilot.navigate(0.04, z + np.array([off, 0.0, 0.0]), earth_rates(-z, dz, 2))
         thrusts.append(pilot.command(0.04).thrust)
     assert thrusts[1][0] < thrusts[0][0]
 

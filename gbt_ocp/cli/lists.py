@@ -16,7 +16,7 @@ from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config.guidance import GUIDANCE_LAWS
 from gbt_ocp.experiments.config.json_schema import json_schema
 from gbt_ocp.experiments.config.planner import SOLVER_CHOICES
-from gbt_ocp.experiments.config.vehicle import KNOWN_BY_NAME
+from gbt_ocp.experiments.config.vehicle import DRIVEN_BY_NAME, KNOWN_BY_NAME
 
 
 def _add_nothing(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +39,7 @@ def _list(arguments: argparse.Namespace) -> int:
         "configurations": {name: catalogue.config_description(name) for name in catalogue.config_names()},
         "trackers": {name: kind.says for name, kind in TRACKERS.items()},
         "guidance laws": GUIDANCE_LAWS,
-        "vehicles": KNOWN_BY_NAME,
+        "vehicles": {**KNOWN_BY_NAME, **DRIVEN_BY_NAME},
         "solvers": SOLVER_CHOICES,
     }
     if arguments.what is not None:

@@ -15,12 +15,14 @@ from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.startup import planned_of
 from gbt_ocp.models.contracts import array, called, finite, named
+from gbt_ocp.models.driven import DrivenBody
 from gbt_ocp.models.model_checks import dynamics_gap
 from gbt_ocp.models.targets import Target
+from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.codegen.library import CompilerError
 from gbt_ocp.ocp.codegen.problem_source import from_moments
-from gbt_ocp.ocp.plan import Plan
+from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import AnyPlanner
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem
 from gbt_ocp.ocp.terms import AnyObjective, Constraint, JointObjective, MovingConstraint
@@ -105,7 +107,11 @@ def _of_target(target: Target, until: float) -> Remark:
     return Remark("target", f"{type(target).__name__}: starts at {_numbers(path[0])} m, at most {speed:.3g} m/s")
 
 
-def _of_vehicle(vehicle: Vehicle) -> list[Remark]:
+def _of_vehicle(vehicle: Vehicle | DrivenBody) -> list[Remark]:
+    if isinstance(vehicle, DrivenBody):
+        limits, names = ThrustRange.of(vehicle), ", ".join(vehicle.input_names[vehicle.position_dimension])
+        text = f"not flat, inputs {names} from {_numbers(limits.lower)} to {_numbers(limits.upper)}"
+        return [Remark("vehicle", f"{type(vehicle).__name__}: {text}")]
     n, gap = vehicle.flat_dimension, dynamics_gap(vehicle)
     size = f"{n} flat outputs, {n} inputs up to {_numbers(vehicle.thrust_max)}"
     difference = f"forward and inverse dynamics differ by {gap:.2g} of a typical acceleration"
@@ -134,7 +140,7 @@ def _of_plan(guidance: PlannedMotion, planner: AnyPlanner, start: Array, known: 
     """One plan for a target that is known."""
     guidance.see(None)
     plan = guidance.decide(0.0, start, known)
-    assert isinstance(plan, Plan)
+    assert isinstance(plan, Plan | ShootingPlan)
     guidance.restart()
     text = f"one plan with {planner.solver.name}: {plan.status} in {plan.iterations} iterations"
     text += f", answered by {plan.fallback}" if plan.fallback else ""

@@ -119,7 +119,7 @@ class Result:
         """
         from gbt_ocp.simulation.tabular import dataframe
 
-        return dataframe(self.history)
+        return dataframe(self.history, self.summary.get("inputs"))
 
     def to_xarray(self) -> Dataset:
         """The history as an ``xarray.Dataset`` (see `gbt_ocp.simulation.tabular.dataset`); the numbers of the summary
@@ -133,7 +133,8 @@ class Result:
         from gbt_ocp.simulation.tabular import dataset
 
         numbers = {key: value for key, value in self.summary.items() if isinstance(value, int | float | str)}
-        return dataset(self.history, {**numbers, "configuration": self.configuration.to_yaml()})
+        attributes = {**numbers, "configuration": self.configuration.to_yaml()}
+        return dataset(self.history, attributes, self.summary.get("inputs"))
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the numbers of `repr`, as a table."""

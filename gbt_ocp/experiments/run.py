@@ -23,6 +23,7 @@ from gbt_ocp.experiments.noise_check import run_noise_warnings
 from gbt_ocp.experiments.result import Result
 from gbt_ocp.guidance.startup import planner_of
 from gbt_ocp.guidance.strategy import Guidance
+from gbt_ocp.models.driven import DrivenBody
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.ocp.codegen.library import CompilerError
 from gbt_ocp.ocp.planner import AnyPlanner, Planner
@@ -155,4 +156,6 @@ def run(
     # the configuration has no limits of a problem's own vehicle
     limits = ThrustRange.of(loop.vehicle)
     summary["thrust_max"], summary["thrust_min"] = limits.upper.tolist(), limits.lower.tolist()
+    driven = loop.vehicle if isinstance(loop.vehicle, DrivenBody) else None
+    summary["inputs"] = None if driven is None else list(driven.input_names[driven.position_dimension])
     return Result(configuration, history, summary)

@@ -8,6 +8,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.driven import DrivenBody
+from gbt_ocp.models.dynamics import Dynamics
 from gbt_ocp.models.sizes import not_negative, positive, vector
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.typing import Array
@@ -99,12 +101,14 @@ class CurrentObserver:
 
     Notes
     -----
+    A vehicle that is not flat has no such inputs; of it the acceleration is compared with that of its model.
+
     A constant force that the model does not have is taken for a current.
     """
 
     def __init__(
         self,
-        vehicle: Vehicle,
+        vehicle: Vehicle | DrivenBody,
         acceleration_std: float = ACCELERATION_STD,
         prior_std: float = CURRENT_STD,
         drift: float = DRIFT,
@@ -114,12 +118,19 @@ class CurrentObserver:
         d, n = vehicle.position_dimension, vehicle.flat_dimension
         self._estimate = np.zeros(d)
         self._spread = positive("prior_std", prior_std) ** 2 * np.eye(d)
-        z, dz, ddz, water = (ca.SX.sym(name, size) for name, size in (("z", n), ("dz", n), ("ddz", n), ("water", d)))
+        sizes = {"z": n, "dz": n, "ddz": n, "water": d, "thrust": len(vehicle.thrust_max)}
+        z, dz, ddz, water, thrust = given = [ca.SX.sym(name, size) for name, size in sizes.items()]
         through = ca.vertcat(dz[:d] - water, dz[d:])
-        needed = vehicle.inputs(z, through, ddz)
-        self._model = ca.Function(
-            "model", [z, dz, ddz, water], [needed, ca.jacobian(needed, water), ca.jacobian(needed, ddz)]
-        )
+        if isinstance(vehicle, DrivenBody):
+            # no inverse dynamics: the accelerations are compared, and not the inputs
+            state = ca.SX.sym("state", 2 * n)
+            accelerated = Dynamics(vehicle).point(state, thrust)[2]
+            found = ca.substitute(accelerated, state, vehicle.symbolic_state(z, through))
+            innovation, mass = ddz - found, ca.SX.eye(n)
+        else:
+            found = vehicle.inputs(z, through, ddz)
+            innovation, mass = thrust - found, ca.jacobian(found, ddz)
+        self._model = ca.Function("model", given, [innovation, ca.jacobian(found, water), mass])
 
     @property
     def velocity(self) -> Array:
@@ -139,10 +150,11 @@ class CurrentObserver:
         # an angle may have passed a full turn; the middle is on the short way
         step[0, d:] = (step[0, d:] + np.pi) % (2.0 * np.pi) - np.pi
         middle = before[:2] + 0.5 * step
-        needed, slope, mass = (
-            np.asarray(part) for part in self._model(middle[0], middle[1], step[1] / duration, self._estimate)
+        given = np.asarray(thrust, dtype=float)
+        off, slope, mass = (
+            np.asarray(part) for part in self._model(middle[0], middle[1], step[1] / duration, self._estimate, given)
         )
-        innovation = np.asarray(thrust, dtype=float) - needed.ravel()
+        innovation = off.ravel()
         if not np.all(np.isfinite(innovation)):
             return
         spread = self._spread + self._drift**2 * duration * np.eye(d)

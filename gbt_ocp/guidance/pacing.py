@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.driven import DrivenBody
 from gbt_ocp.models.sizes import positive
+from gbt_ocp.models.steady_motion import speed_on_circle, turning_circle
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.typing import Array
@@ -102,11 +104,13 @@ def thrust_of(vehicle: Vehicle) -> Callable[[Array, Array, Array], Array]:
     return lambda *values: np.asarray(function(*values), dtype=float).ravel()
 
 
-def steady_speed(vehicle: Vehicle) -> float | None:
+def steady_speed(vehicle: Vehicle | DrivenBody) -> float | None:
     """Speed in m/s that the vehicle keeps up in the plane: geometric mean over both axes at zero yaw.
 
-    ``None`` if there is no drag to limit it.
+    That of a vehicle that is not flat is its speed straight ahead. ``None`` if there is no drag to limit it.
     """
+    if isinstance(vehicle, DrivenBody):
+        return turning_circle(vehicle, 1.0, 0.0)[0]
     thrust, rest, limits = thrust_of(vehicle), np.zeros(vehicle.flat_dimension), ThrustRange.of(vehicle)
     speeds = []
     for along in np.eye(vehicle.flat_dimension)[:2]:
@@ -126,7 +130,7 @@ def horizontal_radius(dimension: int, range_: float) -> float:
     return range_ if dimension == 2 else math.sqrt(6.0) / 3.0 * range_
 
 
-def circling_speed(vehicle: Vehicle, radius: float, share: float = 1.0) -> float:
+def circling_speed(vehicle: Vehicle | DrivenBody, radius: float, share: float = 1.0) -> float:
     """Largest steady speed in m/s on a level circle, bow along the path, within the thrust; at most :data:`FASTEST`.
 
     Parameters
@@ -145,6 +149,8 @@ def circling_speed(vehicle: Vehicle, radius: float, share: float = 1.0) -> float
     """
     positive("radius", radius)
     positive("share", share)
+    if isinstance(vehicle, DrivenBody):
+        return speed_on_circle(vehicle, radius, share)
     thrust, size, d = thrust_of(vehicle), vehicle.flat_dimension, vehicle.position_dimension
     limits = ThrustRange.of(vehicle)
 

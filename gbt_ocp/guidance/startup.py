@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gbt_ocp.guidance.inverse_dynamics import InverseDynamics
+from gbt_ocp.guidance.helm import SteeringLimits, helm_of
 from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.strategy import Guidance
@@ -121,6 +121,8 @@ class CrossFirst:
         Part of the speed that leads away from the target, in m/s.
     leg
         Time in seconds after which the vehicle crosses the other way.
+    limits
+        Those of the steering of a vehicle that is not flat.
 
     Raises
     ------
@@ -139,6 +141,7 @@ class CrossFirst:
         speed: float,
         opening: float,
         leg: float,
+        limits: SteeringLimits | None = None,
     ) -> None:
         positive("deviation", deviation)
         positive("speed", speed)
@@ -147,7 +150,7 @@ class CrossFirst:
             raise ValueError(f"guidance.startup_opening: found {opening}; allowed: a number < startup_speed = {speed}")
         self.planned = planned
         self.speed = float(speed)
-        self._dynamics = InverseDynamics(vehicle, period)
+        self._dynamics = helm_of(vehicle, period, limits)
         unit = vector("axis", axis, 3)
         unit /= positive("length of axis", float(np.linalg.norm(unit)))
         self._crossing = Crossing(unit, deviation, float(np.sqrt(speed**2 - opening**2)), opening, leg)
@@ -176,7 +179,10 @@ class CrossFirst:
                 self.planned.restart()
             return self.planned.decide(time, flat, forecast)
         self.planned.remember(time, flat, forecast)
-        return self._dynamics.reach_velocity(flat, velocity)
+        thrust = self._dynamics.reach_velocity(flat, velocity)
+        if isinstance(self.planned.planner, AnyPlanner):
+            self.planned.planner.act(thrust)
+        return thrust
 
 
 def planned_of(guidance: Guidance) -> PlannedMotion | None:

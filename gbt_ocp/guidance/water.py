@@ -78,7 +78,8 @@ class InWater:
         if decision.elapsed == 0.0:
             self._planned_for = velocity
         if isinstance(decision, ShootingPlan):
-            return replace(decision, knots=self._over_ground(decision.knots, self.planned.planner.problem.period))
+            over_ground = self._over_ground(decision.knots, self.planned.planner.problem.period)
+            return replace(decision, knots=over_ground, current=self._planned_for)
         # a plan that is followed on stays the one of the current it was made for
         return replace(decision, trajectory=decision.trajectory.moving(self._planned_for), current=self._planned_for)
 

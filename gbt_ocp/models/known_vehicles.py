@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
+from gbt_ocp.models.driven import DrivenBody
 from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenParameters, FossenVehicle
+from gbt_ocp.models.torpedo import LAUV, LAUV_FIN, LAUV_THRUST, Torpedo
+from gbt_ocp.models.vessel import OTTER, OTTER_THRUST, TwinThrusterVessel
 
 BLUEROV2_HEAVY_3D = FossenParameters(
     13.5, 0.37, (-6.36, -7.12, -18.68, -0.222), (13.7, 0.0, 33.0, 0.0), (141.0, 217.0, 190.0, 1.5)
@@ -72,3 +76,83 @@ KNOWN_VEHICLES = {
     ),
 }
 """Every vehicle that a configuration can name in ``vehicle.parameters``."""
+
+
+@dataclass(frozen=True)
+class KnownDriven:
+    """A vehicle that is not flat, with its limits.
+
+    Attributes
+    ----------
+    dimension
+        d in which it moves.
+    thrust_max, thrust_min
+        Limits of its inputs ``(m,)`` in their units.
+    rate_max
+        Largest rates of its inputs ``(m,)`` in their units a second.
+    speed_min
+        Least speed ahead in m/s at which it is to be steered; 0 where it may stop.
+    turn_radius
+        Least radius of its turns in m; 0 where it turns on the spot.
+    speed
+        Largest speed ahead in m/s.
+    cruise
+        Speed ahead in m/s at which it starts where nothing else is said.
+    quickest
+        Decay rate in 1/s of its quickest motion: what Runge-Kutta steps have to resolve.
+    made
+        Makes it with these limits, ``thrust_max`` and ``thrust_min``.
+    """
+
+    dimension: int
+    thrust_max: tuple[float, ...]
+    thrust_min: tuple[float, ...]
+    rate_max: tuple[float, ...]
+    speed_min: float
+    turn_radius: float
+    speed: float
+    cruise: float
+    quickest: float
+    made: Callable[[tuple[float, ...], tuple[float, ...]], DrivenBody]
+
+    def make(
+        self, thrust_max: tuple[float, ...] | None = None, thrust_min: tuple[float, ...] | None = None
+    ) -> DrivenBody:
+        """The vehicle with these limits, or its own where they are ``None``."""
+        return self.made(thrust_max or self.thrust_max, thrust_min or self.thrust_min)
+
+
+def _torpedo(dimension: int) -> KnownDriven:
+    fins = dimension - 1
+    return KnownDriven(
+        dimension=dimension,
+        thrust_max=(LAUV_THRUST, *(LAUV_FIN,) * fins),
+        thrust_min=(0.0, *(-LAUV_FIN,) * fins),
+        # assumed: full thrust in 2 s, a fin from one side to the other in 2 s
+        rate_max=(0.5 * LAUV_THRUST, *(LAUV_FIN,) * fins),
+        speed_min=0.8,
+        turn_radius=4.0,
+        speed=1.96,
+        cruise=1.2,
+        quickest=10.3,
+        made=lambda upper, lower: Torpedo(dimension, LAUV, upper, lower),
+    )
+
+
+KNOWN_DRIVEN = {
+    "torpedo2d": _torpedo(2),
+    "torpedo3d": _torpedo(3),
+    "vessel": KnownDriven(
+        dimension=2,
+        thrust_max=(OTTER_THRUST[0],) * 2,
+        thrust_min=(-OTTER_THRUST[1],) * 2,
+        rate_max=(OTTER_THRUST[0],) * 2,  # assumed: full thrust in 1 s
+        speed_min=0.0,
+        turn_radius=0.0,
+        speed=3.08,
+        cruise=0.0,
+        quickest=7.5,
+        made=lambda upper, lower: TwinThrusterVessel(OTTER, upper, lower),
+    ),
+}
+"""Every vehicle that a configuration can name in ``vehicle.model`` beside those of :data:`KNOWN_VEHICLES`."""

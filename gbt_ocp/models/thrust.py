@@ -18,7 +18,8 @@ class ThrustRange:
     Attributes
     ----------
     lower, upper
-        τ_min ``(m,)``, all below 0, and τ_max ``(m,)``, all above it, in the units of the inputs.
+        τ_min ``(m,)``, all below 0 (or 0, for an input of one sense), and τ_max ``(m,)``, all above it, in the units of
+        the inputs.
     """
 
     lower: Array
@@ -36,6 +37,11 @@ class ThrustRange:
         return np.asarray(np.clip(np.asarray(thrust, dtype=float), share * self.lower, share * self.upper))
 
     def used(self, thrust: ArrayLike) -> Array:
-        """The thrust ``(..., m)`` over the limit on its side, at least 0: above 1 where the limit is exceeded."""
+        """The thrust ``(..., m)`` over the limit on its side, at least 0: above 1 where the limit is exceeded.
+
+        Below a limit of 0 it counts in units of the other limit, from 1 on.
+        """
         given = np.asarray(thrust, dtype=float)
-        return np.asarray(np.maximum(given / self.upper, given / self.lower))
+        one_sided = self.lower == 0.0
+        below = np.where(one_sided, 1.0 - given / self.upper, given / np.where(one_sided, -1.0, self.lower))
+        return np.asarray(np.maximum(given / self.upper, np.where(one_sided & (given >= 0.0), 0.0, below)))

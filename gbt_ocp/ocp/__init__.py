@@ -24,7 +24,7 @@ from gbt_ocp.ocp.terms import (
     Objective,
     PathConstraint,
 )
-from gbt_ocp.ocp.thrust_limits import ThrustEffort, ThrustLimit
+from gbt_ocp.ocp.thrust_limits import InputRateLimit, ThrustEffort, ThrustLimit
 from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory
 
 __all__ = [
@@ -38,6 +38,7 @@ __all__ = [
     "FlatTrajectory",
     "Follower",
     "FromMoments",
+    "InputRateLimit",
     "JointObjective",
     "KeepOut",
     "KeepOutPolygon",

@@ -7,6 +7,7 @@ that of :class:`~gbt_ocp.ocp.problem_data.ProblemData`, the other one that of
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -16,7 +17,7 @@ import numpy as np
 from gbt_ocp.models.dynamics import Dynamics, integrated
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ProblemData, ShootingData
 from gbt_ocp.ocp.terms import AccumulatedObjective, Constraint, Objective, at_endpoint
-from gbt_ocp.ocp.thrust_limits import ThrustLimit
+from gbt_ocp.ocp.thrust_limits import InputRateLimit, ThrustEffort, ThrustLimit
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.ocp.transcription import (
     constraint_value,
@@ -67,6 +68,14 @@ class FlatForm:
         """The bounded quantities at :attr:`point`."""
         return constraint_value(constraint, self._split(self.point), stacked)
 
+    def at_node(self, constraint: Constraint, stacked: Any) -> Any:
+        """The same, as the generated C has it."""
+        return self.constraint(constraint, stacked)
+
+    def moves(self, constraint: Constraint) -> bool:
+        """Whether the generated C has a constraint as a function of the state at its node, which steps lead to."""
+        return False
+
     def grid(self, limit: HardLimit | PenaltyLimit) -> LimitGrid:
         """Where a limit is imposed; a penalty also at the node where nothing can change it."""
         given = first_free_node(self._problem, limit.constraint)
@@ -95,19 +104,28 @@ class FlatForm:
 class ShootingForm:
     """The form of trajectories by integration: a point is state, inputs of the piece and the share of it that is over.
 
+    Where the rates of inputs are limited, the inputs at the end of the piece before follow the state of the vehicle.
+
     Attributes
     ----------
     states, held
         Numbers of the state, and unknowns of a piece.
     width
         Both together.
+    steps
+        Runge-Kutta steps over a piece: those of the problem, or where there are several as few more as it takes for
+        the nodes of all limits to lie at their ends.
     at_end
         Whether the objective reads nothing but the state at the end of a piece.
     """
 
     def __init__(self, problem: ShootingData) -> None:
         self._problem, self.dynamics = problem, Dynamics(problem.vehicle)
-        self.states, self.held = self.dynamics.states, problem.freedoms
+        self.states = self.dynamics.states + self.dynamics.inputs * problem.remembers_inputs
+        self.held = problem.freedoms
+        imposed: list[HardLimit | PenaltyLimit] = [*problem.hard, *problem.penalties]
+        nodes = [limit.nodes for limit in imposed if self._reads_state(limit.constraint)]
+        self.steps = 1 if problem.steps == 1 else problem.steps + -problem.steps % math.lcm(1, *nodes)
         self.width = self.states + self.held
         self.point = ca.SX.sym("point", self.width + 1)
         self.scale = np.tile(problem.vehicle.thrust_max, problem.freedoms // self.dynamics.inputs)
@@ -116,13 +134,25 @@ class ShootingForm:
 
     def state_after(self, share: Any) -> Any:
         """The state after a share of the piece ``(states,)``."""
-        problem, state = self._problem, self.point[: self.states]
-        return integrated(self.dynamics, state, self._ends(), share * problem.period, problem.steps)
+        moved = self.point[: self.dynamics.states]
+        for k in range(self.steps):
+            begin, end = k / self.steps, (k + 1) / self.steps
+            if self.steps == 1:
+                end = share
+            elif not isinstance(share, float) or share < 1.0:
+                begin, end = ca.fmin(begin, share), ca.fmin(end, share)
+            moved = self.flow(moved, begin, end)
+        return ca.vertcat(moved, self.inputs_after(1.0)) if self._problem.remembers_inputs else moved
+
+    def flow(self, state: Any, begin: Any, end: Any) -> Any:
+        """The vehicle's state after one Runge-Kutta step from one share of the piece to another."""
+        inputs = self.inputs_after(begin), self.inputs_after(end)
+        return integrated(self.dynamics, state, inputs, (end - begin) * self._problem.period, 1)
 
     def inputs_after(self, share: Any) -> Any:
         """The inputs after a share of the piece ``(m,)``."""
         first, last = self._ends()
-        return first + (last - first) * share if self.held > self.dynamics.inputs else first
+        return first + (last - first) * share if self._problem.thrust == "linear" else first
 
     def objective(self, term: Objective | AccumulatedObjective, stacked: Any) -> Any:
         """A term at an endpoint, or what that adds to its sums, of :attr:`objective_point`."""
@@ -135,15 +165,36 @@ class ShootingForm:
 
     def constraint(self, constraint: Constraint, stacked: Any) -> Any:
         """The bounded quantities at :attr:`point`; the thrust is one of its numbers."""
+        return self._bounded(constraint, stacked, self.state_after(self.point[self.width]))
+
+    def at_node(self, constraint: Constraint, stacked: Any) -> Any:
+        """The same, as the generated C has it: where :meth:`moves`, the state in the point is that at the node."""
+        return (
+            self._bounded(constraint, stacked, self.point) if self.steps > 1 else self.constraint(constraint, stacked)
+        )
+
+    def moves(self, constraint: Constraint) -> bool:
+        """Whether the generated C has a constraint as a function of the state at its node, which steps lead to."""
+        return self.steps > 1 and self._reads_state(constraint)
+
+    def _reads_state(self, constraint: Constraint) -> bool:
+        return not isinstance(constraint, ThrustLimit | ThrustEffort | InputRateLimit)
+
+    def _bounded(self, constraint: Constraint, stacked: Any, state: Any) -> Any:
         share = self.point[self.width]
         inputs = self.inputs_after(share)
-        if isinstance(constraint, ThrustLimit):
-            return inputs if constraint.units == "newton" else inputs / ca.DM(self._problem.vehicle.thrust_max)
-        return constraint_value(constraint, self.flat_point(self.state_after(share), inputs), stacked)
+        if isinstance(constraint, ThrustLimit | ThrustEffort):
+            return constraint.of_inputs(inputs)
+        if isinstance(constraint, InputRateLimit):
+            before = self.point[self.dynamics.states : self.states]
+            return constraint.of_change(self.inputs_after(1.0) - before, self._problem.period)
+        return constraint_value(constraint, self.flat_point(state, inputs), stacked)
 
     def grid(self, limit: HardLimit | PenaltyLimit) -> LimitGrid:
         """Where a limit is imposed: thrust that is held once a piece, thrust that is linear at both ends."""
         constraint = limit.constraint
+        if isinstance(constraint, InputRateLimit):
+            return LimitGrid(1, 1, False, True, 2.0)
         if isinstance(constraint, ThrustLimit):
             if self.held == self.dynamics.inputs:
                 return LimitGrid(1, 1, False, True, 2.0)
@@ -165,17 +216,40 @@ class ShootingForm:
     def _ends(self) -> tuple[Any, Any]:
         """The inputs at the beginning and at the end of the piece."""
         inputs, m = self.point[self.states : self.width], self.dynamics.inputs
+        if self._problem.thrust == "linear" and self._problem.remembers_inputs:
+            return self.point[self.dynamics.states : self.states], inputs
         return inputs[:m], inputs[-m:]
 
     def flat_point(self, state: Any, inputs: Any) -> FlatPoint:
         """z and its derivatives at a state under these inputs, as if held."""
-        symbols = ca.SX.sym("state", self.states), ca.SX.sym("inputs", self.dynamics.inputs)
-        found = ca.substitute([*self.dynamics.point(*symbols)], [*symbols], [ca.SX(state), ca.SX(inputs)])
+        own = self.dynamics.states
+        symbols = ca.SX.sym("state", own), ca.SX.sym("inputs", self.dynamics.inputs)
+        found = ca.substitute([*self.dynamics.point(*symbols)], [*symbols], [ca.SX(state)[:own], ca.SX(inputs)])
         return FlatPoint(*found)
+
+    @property
+    def resort(self) -> Any:
+        """Inputs of the last resort ``(m,)`` at the state of :attr:`point`: the vehicle's own, or none at all."""
+        own = getattr(self._problem.vehicle, "last_resort", None)
+        return ca.SX.zeros(self.dynamics.inputs) if own is None else ca.SX(own(self.point[: self.dynamics.states]))
+
+    @property
+    def idle(self) -> Array:
+        """Inputs ``(m,)`` with which the vehicle goes on as it does, as near as that is known: a cold guess."""
+        return np.asarray(getattr(self._problem.vehicle, "idle", np.zeros(self.dynamics.inputs)), dtype=float)
+
+    @property
+    def steps_of_inputs(self) -> Array:
+        """How far an input may change over a piece ``(m,)``; infinite where its rate is not limited."""
+        most = np.full(self.dynamics.inputs, np.inf)
+        for constraint in self._problem.constraints:
+            if isinstance(constraint, InputRateLimit):
+                most = np.minimum(most, self._problem.period * np.asarray(constraint.rate))
+        return most
 
     def _reads_inputs(self, term: Any) -> bool:
         """Whether a term depends on the inputs beside the state, through a derivative of z."""
-        state, inputs = ca.SX.sym("state", self.states), ca.SX.sym("inputs", self.dynamics.inputs)
+        state, inputs = ca.SX.sym("state", self.dynamics.states), ca.SX.sym("inputs", self.dynamics.inputs)
         if not isinstance(term, AccumulatedObjective) and not hasattr(term, "value"):
             return False
         numbers = unstacked(term.shapes, ca.SX.sym("p", stacked_size(term.shapes)))

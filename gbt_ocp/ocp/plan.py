@@ -120,6 +120,8 @@ class ShootingPlan:
         Seconds of each period; ``None`` where it is that of the samples.
     elapsed
         Seconds of the plan that lie behind: 0 for one just made, more for one that is followed on.
+    current
+        Velocity of the water over ground for which the plan was made ``(d,)`` in m/s; ``None`` for still water.
     """
 
     thrust: Array
@@ -138,6 +140,7 @@ class ShootingPlan:
     thrust_end: Array | None = None
     period: float | None = None
     elapsed: float = 0.0
+    current: Array | None = None
 
     def applied(self, duration: float) -> tuple[Array, Array]:
         """Inputs now and ``duration`` seconds later ``(m,)``, within the first period."""

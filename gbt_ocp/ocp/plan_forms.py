@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.ocp.braking import BrakingPlanner
 from gbt_ocp.ocp.check import LimitCheck
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
@@ -50,7 +52,7 @@ class FlatPlans:
         self._brake = BrakingPlanner(problem)
         self._objectives = [objective_total(problem, term) for term in problem.objectives]
 
-    def start(self, state: ArrayLike) -> Array:
+    def start(self, state: ArrayLike, acting: Array | None = None) -> Array:
         """Derivatives of the flat output now, as many as are continuous ``(k+1, n)``."""
         return _checked(state, [(self._problem.joined, self._problem.vehicle.flat_dimension)])
 
@@ -86,12 +88,24 @@ class ShotPlans:
         self._problem, self._shots = problem, Shots(problem)
         self.scale, self.check = self._shots.form.scale, ShotCheck(self._shots)
         self._objectives = [objective_total(problem, term) for term in problem.objectives]
+        form = self._shots.form
+        self._resort = ca.Function("resort", [form.point], [form.resort])
+        self._range = ThrustRange.of(problem.vehicle)
 
-    def start(self, state: ArrayLike) -> Array:
-        """The state of the vehicle, from itself or from z and ż ``(2, n)``."""
-        dynamics = self._shots.form.dynamics
-        found = _checked(state, [(dynamics.states,), (2, self._problem.vehicle.flat_dimension)])
-        return found if found.ndim == 1 else dynamics.state(found[0], found[1])
+    def start(self, state: ArrayLike, acting: Array | None = None) -> Array:
+        """The state of the vehicle, from itself or from z and ż ``(2, n)``.
+
+        Where the rates of the inputs are limited, those that act now follow it, ``acting`` ``(m,)``, by default none;
+        or they follow the state already.
+        """
+        form, dynamics = self._shots.form, self._shots.form.dynamics
+        shapes = dict.fromkeys([(dynamics.states,), (2, self._problem.vehicle.flat_dimension), (form.states,)])
+        found = _checked(state, [*shapes])
+        if found.ndim == 2:
+            found = dynamics.state(found[0], found[1])
+        if len(found) < form.states:
+            found = np.concatenate([found, np.zeros(dynamics.inputs) if acting is None else acting])
+        return found
 
     def trajectory(self, start: Array, top: Array) -> ShotTrajectory:
         """Integrated from the start."""
@@ -102,10 +116,11 @@ class ShotPlans:
         return _summed(self._objectives, trajectory, parameters)
 
     def coasting(self, start: Array) -> Array:
-        """As good as no thrust, and a little to one side."""
-        m = self._shots.form.dynamics.inputs
+        """As good as no thrust, or what the vehicle calls idle, and a little to one side."""
+        form, upper = self._shots.form, np.asarray(self._problem.vehicle.thrust_max, dtype=float)
+        m = form.dynamics.inputs
         aside = ASIDE / np.sqrt(np.arange(1, m + 1))
-        return np.tile(aside, (self._problem.pieces, self._problem.freedoms // m))
+        return np.tile(form.idle / upper + aside, (self._problem.pieces, self._problem.freedoms // m))
 
     def rest(self, top: Array) -> Array:
         """The rest of a plan; in the last piece the inputs stay as they are at the end."""
@@ -113,8 +128,17 @@ class ShotPlans:
         return np.vstack([top[1:], np.tile(top[-1, -m:], top.shape[1] // m)])
 
     def braking(self, start: Array) -> Array:
-        """No thrust."""
-        return np.zeros((self._problem.pieces, self._problem.freedoms))
+        """The vehicle's last resort, or else no thrust, as near as the inputs and their rates may be."""
+        form, m = self._shots.form, self._shots.form.dynamics.inputs
+        top, state = np.zeros((self._problem.pieces, self._problem.freedoms)), np.array(start, dtype=float)
+        for piece in top:
+            inputs = np.asarray(self._resort(np.concatenate([state, np.zeros(form.held + 1)]))).ravel()
+            if form.states > form.dynamics.states:
+                before, most = state[form.dynamics.states :], form.steps_of_inputs
+                inputs = np.clip(inputs, before - most, before + most)
+            piece[:] = np.tile(self._range.clip(inputs), len(piece) // m)
+            state = self._shots.end(np.concatenate([state, piece]))
+        return top
 
     def plan(self, trajectory: ShotTrajectory, step: PlannerStep, named: Named, **rest: Any) -> ShootingPlan:
         """A plan with the inputs of each period."""

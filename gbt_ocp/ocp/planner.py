@@ -66,10 +66,25 @@ class AnyPlanner:
         self._form = plan_form(problem)
         self._previous: FlatTrajectory | ShotTrajectory | None = None
         self._last_step: FlatTrajectory | ShotTrajectory | None = None
+        self._acting: Array | None = None
 
     def reset(self) -> None:
         """Forget the previous plan: the next solve is cold."""
+        self._acting = self._inputs_now()
         self._previous = None
+
+    def act(self, inputs: ArrayLike) -> None:
+        """Say which inputs act where the next plan begins ``(m,)``.
+
+        Limits on their rates go on from them; by default from those at the end of the first piece of the last plan,
+        without one from none.
+        """
+        self._acting = np.array(inputs, dtype=float)
+
+    def _inputs_now(self) -> Array | None:
+        if self._acting is not None or self._previous is None:
+            return self._acting
+        return np.asarray(self._previous.top[0][-len(self.problem.vehicle.thrust_max) :])
 
     @property
     def previous(self) -> Any:
@@ -82,7 +97,7 @@ class AnyPlanner:
 
     def start(self, state: ArrayLike) -> Array:
         """What a solver takes as the start, of a state as in :meth:`solve`; ``ValueError`` if it does not fit."""
-        return np.asarray(self._form.start(state))
+        return np.asarray(self._form.start(state, self._inputs_now()))
 
     def objective(self, trajectory: FlatTrajectory | ShotTrajectory, parameters: list[Array]) -> float:
         """The objective of any trajectory, without penalty."""
@@ -141,7 +156,7 @@ class AnyPlanner:
         if step.fallback == NO_PLAN:
             raise ValueError("state or data: found numbers so large that no plan is finite; allowed: smaller ones")
         trajectory = self._form.trajectory(start, step.top)
-        self._previous = self._last_step = trajectory
+        self._previous, self._last_step, self._acting = trajectory, trajectory, None
         objective = self.objective(trajectory, parameters)
         rest = {"objective": objective, "solve_time": perf_counter() - began}
         plan: Plan | ShootingPlan = self._form.plan(trajectory, step, self._named, **rest)

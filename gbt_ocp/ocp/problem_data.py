@@ -8,6 +8,7 @@ from typing import Literal
 from gbt_ocp.models.sizes import at_least, positive
 from gbt_ocp.models.vehicles import DrivenVehicle, Vehicle
 from gbt_ocp.ocp.terms import AnyObjective, Constraint, is_believed
+from gbt_ocp.ocp.thrust_limits import InputRateLimit
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,16 @@ class PosedProblem:
     def joined(self) -> int:
         """How many derivatives of the flat output, itself included, a start has."""
         raise NotImplementedError
+
+    def check_rates(self) -> None:
+        """Whether limits on the rates of the inputs can be kept at all.
+
+        Raises
+        ------
+        ValueError
+            If not.
+        """
+        raise ValueError("limits.input_rate: found planner.form: flat; allowed: shooting")
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
@@ -127,7 +138,15 @@ class ShootingData(PosedProblem):
         """How many derivatives of the flat output a start has: z and its rate."""
         return 2
 
+    def check_rates(self) -> None:
+        """They can."""
+
+    @property
+    def remembers_inputs(self) -> bool:
+        """Whether the inputs of a piece are part of the state after it: where their rates are limited."""
+        return any(isinstance(constraint, InputRateLimit) for constraint in self.constraints)
+
     @property
     def freedoms(self) -> int:
-        """Unknowns of a piece: its inputs, or those at both of its ends."""
-        return len(self.vehicle.thrust_max) * (1 if self.thrust == "held" else 2)
+        """Unknowns of a piece: its inputs, or those at both of its ends, or at its end where they go on."""
+        return len(self.vehicle.thrust_max) * (1 if self.thrust == "held" or self.remembers_inputs else 2)

@@ -1,4 +1,4 @@
-"""The limits of the thrust, and its effort."""
+"""Limits of the inputs and of their rates, and their effort."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any, ClassVar, Literal
 import casadi as ca
 import numpy as np
 
+from gbt_ocp.models.sizes import vector
 from gbt_ocp.models.thrust import ThrustRange
-from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.models.vehicles import DrivenVehicle, Vehicle
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.typing import Array
 
@@ -70,8 +71,11 @@ class ThrustLimit:
 
     def value(self, point: FlatPoint) -> Any:
         """Thrust, over its limit or in newtons."""
-        thrust = self.vehicle.inputs(*point)
-        return thrust if self.units == "newton" else thrust / ca.DM(self.vehicle.thrust_max)
+        return self.of_inputs(self.vehicle.inputs(*point))
+
+    def of_inputs(self, inputs: Any) -> Any:
+        """The same of inputs that are known."""
+        return inputs if self.units == "newton" else inputs / ca.DM(self.vehicle.thrust_max)
 
 
 @dataclass(frozen=True)
@@ -115,4 +119,71 @@ class ThrustEffort:
 
     def value(self, point: FlatPoint) -> Any:
         """Thrust over its limit."""
-        return self.vehicle.inputs(*point) / ca.DM(self.vehicle.thrust_max)
+        return self.of_inputs(self.vehicle.inputs(*point))
+
+    def of_inputs(self, inputs: Any) -> Any:
+        """The same of inputs that are known."""
+        return inputs / ca.DM(self.vehicle.thrust_max)
+
+
+@dataclass(frozen=True)
+class InputRateLimit:
+    """``|τ̇| <= rate`` on every input, for trajectories by integration.
+
+    Inputs that are linear over a piece go on from where they were; inputs that are held step by no more than ``rate T``
+    from one piece to the next. The first piece goes on from the inputs that act when the plan begins.
+
+    Parameters
+    ----------
+    vehicle
+        Whose inputs are limited.
+    rate
+        Their largest rates ``(m,)`` in their units a second; violations are reported in units of them.
+
+    Raises
+    ------
+    ValueError
+        If there are not as many rates as inputs, or one is not above 0.
+    """
+
+    name: ClassVar[str] = "input_rate"
+
+    vehicle: DrivenVehicle
+    rate: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        vector("rate", self.rate, len(self.vehicle.thrust_max), above_zero=True)
+
+    @property
+    def upper(self) -> Array:
+        """Ones ``(m,)``."""
+        return np.ones(len(self.rate))
+
+    @property
+    def lower(self) -> Array:
+        """Minus ones ``(m,)``."""
+        return -self.upper
+
+    @property
+    def backoff(self) -> Array:
+        """None ``(m,)``."""
+        return np.zeros(len(self.rate))
+
+    @property
+    def scale(self) -> Array:
+        """Ones ``(m,)``."""
+        return self.upper
+
+    def value(self, point: FlatPoint) -> Any:
+        """Not to be had from a point: a rate belongs to two of them.
+
+        Raises
+        ------
+        ValueError
+            Always; see :meth:`of_change`.
+        """
+        raise ValueError("limits.input_rate: found planner.form: flat; allowed: shooting")
+
+    def of_change(self, change: Any, period: float) -> Any:
+        """The rates over their limits, of a change of the inputs over a piece ``(m,)``."""
+        return change / ca.DM(self.rate) / period

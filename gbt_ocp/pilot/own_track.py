@@ -24,9 +24,9 @@ class OwnState(NamedTuple):
     time
         In seconds.
     pose
-        Position and yaw ``(d+1,)``, earth frame, metres and radians.
+        Position and yaw ``(d+1,)``, earth frame, metres and radians; the pitch after them where it is known.
     rates
-        Their time derivative ``(d+1,)``, earth frame.
+        Their time derivative, earth frame.
     heading_std
         Standard deviation of the yaw in radians.
     """
@@ -37,10 +37,17 @@ class OwnState(NamedTuple):
     heading_std: float = 0.0
 
 
-def earth_rates(yaw: float, velocity: Array) -> Array:
-    """The rates of the pose ``(d+1,)`` of a velocity in the body frame ``(d+1,)``: a turn about the vertical."""
+def earth_rates(pose: Array, velocity: Array, dimension: int) -> Array:
+    """The rates of a pose, of a velocity in the body frame and the rates of the angles, as many numbers.
+
+    The angles follow the d of the position: yaw, a turn about the vertical, and where there is one the pitch, bow up.
+    """
     rates = velocity.copy()
-    c, s, ahead, aside = math.cos(yaw), math.sin(yaw), velocity[0], velocity[1]
+    yaw, ahead, aside = pose[dimension], velocity[0], velocity[1]
+    if len(pose) > dimension + 1:
+        c, s = math.cos(pose[dimension + 1]), math.sin(pose[dimension + 1])
+        ahead, rates[2] = c * velocity[0] - s * velocity[2], s * velocity[0] + c * velocity[2]
+    c, s = math.cos(yaw), math.sin(yaw)
     rates[0], rates[1] = c * ahead - s * aside, s * ahead + c * aside
     return rates
 
@@ -57,10 +64,12 @@ class OwnTrack:
         Age in seconds up to which a navigation is still sorted in.
     gap
         Longest time in seconds between two navigations that is bridged.
+    dimension
+        d: the numbers of a pose after that many are angles.
     """
 
-    def __init__(self, late: float, gap: float) -> None:
-        self._late, self._gap = late, gap
+    def __init__(self, late: float, gap: float, dimension: int) -> None:
+        self._late, self._gap, self._dimension = late, gap, dimension
         self._times: list[float] = []
         self._states: list[OwnState] = []
         self._doubtful: OwnState | None = None
@@ -134,7 +143,8 @@ class OwnTrack:
         if span > self._gap and not bridging:
             return None
         step = after.pose - before.pose
-        step[-1] = math.remainder(step[-1], 2.0 * math.pi)
+        for angle in range(self._dimension, len(step)):
+            step[angle] = math.remainder(step[angle], 2.0 * math.pi)
         s = (time - before.time) / span
         # the cubic of Hermite about the straight line between both
         bent = (1.0 - s) * (span * before.rates - step) - s * (span * after.rates - step)

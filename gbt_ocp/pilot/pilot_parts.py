@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from gbt_ocp.guidance.strategy import Guidance
+from gbt_ocp.models.driven import DrivenBody
 from gbt_ocp.models.sensors import SimulatedSensor
 from gbt_ocp.models.sizes import not_negative, positive
-from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.follower import BANDWIDTH
 from gbt_ocp.tracking.protocol import PositionTracker, Tracker
 from gbt_ocp.typing import Array
@@ -21,7 +22,8 @@ class PilotParts:
     Attributes
     ----------
     tracker, guidance, vehicle
-        The parts. They have seen nothing yet. The first flat outputs of the vehicle are those of its pose.
+        The parts. They have seen nothing yet. The first flat outputs of the vehicle are those of its pose; the pose of
+        a vehicle that is not flat has the pitch too, in space.
     period
         T in seconds: time between two decisions of the guidance.
     forecast
@@ -42,6 +44,8 @@ class PilotParts:
         Makes the tracker at the vehicle's first position ``(d,)``, to take the place of ``tracker``; ``None`` keeps it.
     sensors
         Say frame, mounting, deviation and error of the heading of measurements of their name that do not.
+    input_rate
+        Largest rates of the inputs ``(m,)`` that the follower of a plan by integration keeps; ``None`` for no limit.
 
     Raises
     ------
@@ -51,7 +55,7 @@ class PilotParts:
 
     tracker: Tracker | PositionTracker
     guidance: Guidance
-    vehicle: Vehicle
+    vehicle: Any
     period: float
     forecast: int
     forecast_period: float
@@ -62,6 +66,7 @@ class PilotParts:
     bearing_std: float = 0.0
     tracker_at: Callable[[Array], Tracker | PositionTracker] | None = None
     sensors: Mapping[str, SimulatedSensor] = field(default_factory=dict)
+    input_rate: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         for name in ("period", "forecast_period", "navigation_gap"):
@@ -69,5 +74,5 @@ class PilotParts:
         for name in ("late", "bearing_std"):
             not_negative(name, getattr(self, name))
         most = self.vehicle.position_dimension + 1
-        if self.vehicle.flat_dimension > most:
+        if not isinstance(self.vehicle, DrivenBody) and self.vehicle.flat_dimension > most:
             raise ValueError(f"vehicle: found {self.vehicle.flat_dimension} flat outputs; allowed: at most {most}")

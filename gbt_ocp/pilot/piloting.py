@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from gbt_ocp.guidance.planned import ON_SCHEDULE
 from gbt_ocp.guidance.startup import planner_of
 from gbt_ocp.guidance.strategy import Placement
+from gbt_ocp.models.driven import DrivenBody
 from gbt_ocp.models.measurements import Measurement, Sighting
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.trajectory import FlatTrajectory
@@ -23,6 +24,7 @@ from gbt_ocp.pilot.pilot_command import PilotCommand
 from gbt_ocp.pilot.pilot_health import PilotHealth, TrackWatch
 from gbt_ocp.pilot.pilot_parts import PilotParts
 from gbt_ocp.pilot.plan_follower import ON_PLAN, PlanFollower
+from gbt_ocp.pilot.shot_follower import ShotFollower
 from gbt_ocp.pilot.skeleton import Skeleton
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, relative_range_std
 from gbt_ocp.typing import Array
@@ -48,11 +50,14 @@ class Piloting:
             parts.tracker, parts.guidance, forecast=parts.forecast, forecast_period=parts.forecast_period
         )
         self._lead = parts.period if parts.lead is None else parts.lead
-        self._follower = PlanFollower(parts.vehicle, parts.follow_bandwidth)
+        vehicle: Any = parts.vehicle
+        self._follower = None if isinstance(vehicle, DrivenBody) else PlanFollower(vehicle, parts.follow_bandwidth)
+        self._shot_follower: ShotFollower | None = None
         planner = planner_of(parts.guidance)
         self._joined = 2 if planner is None else planner.problem.joined
-        self._size = parts.vehicle.position_dimension + 1
-        self._own = OwnTrack(parts.late, parts.navigation_gap)
+        self._dimension = vehicle.position_dimension
+        self._size = vehicle.flat_dimension if isinstance(vehicle, DrivenBody) else self._dimension + 1
+        self._own = OwnTrack(parts.late, parts.navigation_gap, self._dimension)
         self._watch = TrackWatch(parts.bearing_std)
         self._intake: OrderedIntake | None = None
         self._known: dict[tuple[str, str, float], None] = {}
@@ -91,12 +96,12 @@ class Piloting:
         p, v = checked_numbers("pose", pose, (size,)), checked_numbers("velocity", velocity, (size,))
         variance = 0.0
         if covariance is not None:
-            variance = float(checked_numbers("covariance", covariance, (size, size))[-1, -1])
+            variance = float(checked_numbers("covariance", covariance, (size, size))[self._dimension, self._dimension])
         if not (math.isfinite(sum(p.tolist()) + sum(v.tolist()) + time + variance) and variance >= 0.0):
             return self._answered("not finite")
         if self.began_at is None:
-            self.begin(p[:-1])
-        state = OwnState(float(time), p, earth_rates(float(p[-1]), v), math.sqrt(variance))
+            self.begin(p[: self._dimension])
+        state = OwnState(float(time), p, earth_rates(p, v, self._dimension), math.sqrt(variance))
         return self._answered(self._own.add(state, self._now))
 
     def measure(self, measurement: Measurement) -> Received:
@@ -128,7 +133,7 @@ class Piloting:
         if sensor is not None:
             measurement = sensor.completed(measurement)
             heading_std = max(heading_std, sensor.heading_std)
-        sighting = measurement.placed(own.pose, heading_std)
+        sighting = measurement.placed(own.pose[: self._dimension + 1], heading_std)
         self._watch.see(sighting)
         self._arrived.append(sighting)
         return "late" if sighting.time < self._intake.latest else "taken"
@@ -194,7 +199,7 @@ class Piloting:
     def _decide(self, time: float, z: Array, dz: Array) -> None:
         self._learn()
         decided = self._online.decide(time, self._flat(time, z, dz))
-        forecast, place = decided.forecast, z[: self._size - 1]
+        forecast, place = decided.forecast, z[: self._dimension]
         self._watch.forecast(decided.times, forecast, place)
         spread = relative_range_std(forecast.mean[0], forecast.covariance[0], place)
         self._range_known = bool(spread < RANGE_OBSERVABLE)
@@ -259,12 +264,16 @@ class Piloting:
         if isinstance(decision, Placement):
             return None
         if isinstance(decision, ShootingPlan):
-            return np.asarray(decision.thrust[min(int(since / self.parts.period), len(decision.thrust) - 1)])
+            if self._shot_follower is None:
+                parts = self.parts
+                self._shot_follower = ShotFollower(parts.vehicle, parts.follow_bandwidth, parts.input_rate)
+            return self._shot_follower.thrust(decision, self.parts.period, decision.elapsed + since, z, dz)
         if not isinstance(decision, Plan):
             return decision
+        assert self._follower is not None, "plans of this kind are of flat vehicles"
         if self._through is None:
             self._through = decision.through_water
-        water = np.zeros(self._size - 1) if decision.current is None else decision.current
+        water = np.zeros(self._dimension) if decision.current is None else decision.current
         now = decision.elapsed + since
         return self._follower.thrust(self._through, now, now + 0.5 * hold, water, z, dz)
 

@@ -86,7 +86,7 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
             figures["range"] = range_figure(history, nearest, _forecast_period(configuration, float(period)))
         if np.isfinite(history.length_scale).any() or np.isfinite(history.amplitude).any():
             figures["hyperparameters"] = _hyperparameters(history)
-        figures["thrust"] = _thrust(history, thrust_range)
+        figures["thrust"] = _thrust(history, thrust_range, summary.get("inputs"))
         if history.planned.any():
             figures["solver_time"] = _times(history, period)
         elif np.isfinite(history.tracker_time).any():
@@ -208,11 +208,13 @@ def _hyperparameters(history: History) -> Figure:
     return figure
 
 
-def _thrust(history: History, limits: ThrustRange) -> Figure:
+def _thrust(history: History, limits: ThrustRange, inputs: Any = None) -> Figure:
     count = limits.upper.size
     figure = style.new_figure(0.6 + 1.15 * count)
     panels = np.atleast_1d(figure.subplots(count, 1, sharex=True))
     names = _AXIS_NAMES.get(count, tuple(f"axis {index + 1}" for index in range(count)))
+    if isinstance(inputs, list) and len(inputs) == count:
+        names = tuple(str(name) for name in inputs)
     relative = np.sign(history.thrust) * limits.used(history.thrust)
     peak = history.piece_thrust_peak
     largest = max(1.0, *(float(np.max(part[np.isfinite(part)], initial=0.0)) for part in (np.abs(relative), peak)))

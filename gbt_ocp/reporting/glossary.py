@@ -24,6 +24,8 @@ RUN_NUMBERS = {
     "energy_j": ("J", "energy of the thrusters, and of what else the vehicle takes"),
     "power_mean_w": ("W", "its mean over time"),
     "thrust_reversals_per_min": ("1/min", "changes of sign of the thrust, all axes together"),
+    "speed_ahead_min": ("m/s", "least speed ahead through the water"),
+    "turn_radius_min_m": ("m", "tightest turn: speed ahead over yaw rate"),
     "objective_mean": ("", "mean objective of the plans"),
     "solver_success_rate": ("", "share of plans solved at the first try"),
     "solver_iterations_mean": ("", "mean iterations of a plan"),
@@ -51,6 +53,7 @@ RUN_NUMBERS = {
     "warnings": ("", "doubts about the settings, and what happened on the way"),
     "thrust_max": ("N, N m", "limits of the thrust"),
     "thrust_min": ("N, N m", "its lower limits"),
+    "inputs": ("", "what the inputs of a vehicle that is not flat are called, else null"),
 }
 """Keys of the ``summary.json`` of a run, in the order of the file: unit and meaning."""
 

@@ -18,7 +18,6 @@ from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target
-from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.follower import BANDWIDTH
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.pilot.online_loop import OnlineLoop
@@ -68,13 +67,15 @@ class ClosedLoop:
         How far ahead on the plan its setpoints are taken, in seconds; by default a period.
     sensors
         Several sensors, which take the place of :attr:`sensor`; its period remains that of the loop.
+    input_rate
+        Largest rates of the inputs ``(m,)`` that a follower of plans by integration keeps; ``None`` for no limit.
     """
 
     target: Target
     sensor: BearingSensor
     tracker: Tracker | PositionTracker
     guidance: Guidance
-    vehicle: Vehicle
+    vehicle: Any
     desired: DesiredBearing | PacedBearing
     window: int
     forecast: int
@@ -87,6 +88,7 @@ class ClosedLoop:
     autopilot: float | None = None
     lead: float | None = None
     sensors: Sensing | None = None
+    input_rate: tuple[float, ...] | None = None
 
     # isinstance with a protocol takes as long as a step of a cheap tracker, so it is asked once
 
@@ -177,7 +179,9 @@ def simulate(
         The class of the history; a subclass may declare further arrays.
     """
     period, vehicle = loop.sensor.period, loop.vehicle
-    mover = Mover(vehicle, period, loop.follow, loop.plant, loop.follow_bandwidth, loop.autopilot, loop.lead)
+    mover = Mover(
+        vehicle, period, loop.follow, loop.plant, loop.follow_bandwidth, loop.autopilot, loop.lead, loop.input_rate
+    )
     flat = np.asarray(start, dtype=float)
     state = vehicle.state(flat[0], flat[1])
     steps = step_count(duration, period)
@@ -224,9 +228,10 @@ def simulate(
             move = mover.follow(state, decision)
         elif isinstance(decision, Placement):
             move = mover.place(state, decision.position)
+        elif isinstance(decision, ShootingPlan):
+            move = mover.execute(state, decision)
         else:
-            inputs = decision.applied(period) if isinstance(decision, ShootingPlan) else (decision, None)
-            move = mover.hold(state, *inputs)
+            move = mover.hold(state, decision)
         clipped += move.clipped
         step = Step(
             time=t,

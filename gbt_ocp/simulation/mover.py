@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 
+from gbt_ocp.models.driven import DrivenBody
+from gbt_ocp.models.dynamics import Dynamics
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle, acceleration
 from gbt_ocp.ocp.follower import BANDWIDTH, samples
-from gbt_ocp.ocp.plan import Plan
+from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.pilot.plan_follower import ON_PLAN, PlanFollower
 from gbt_ocp.pilot.setpoint import setpoint_of
+from gbt_ocp.pilot.shot_follower import ShotFollower
 from gbt_ocp.simulation.autopilot import Autopilot
 from gbt_ocp.simulation.plant import Motion, Plant, gives_power
 from gbt_ocp.typing import Array
@@ -83,41 +86,51 @@ class Mover:
         Time constant in seconds of an autopilot that is given setpoints in place of thrust; ``None`` for thrust.
     lead
         How far ahead on the plan its setpoints are taken, in seconds; by default a period.
+    input_rate
+        Largest rates of the inputs ``(m,)`` that a follower of plans by integration keeps; ``None`` for no limit.
 
     Raises
     ------
     ValueError
-        If a plant is to follow exactly.
+        If a plant is to follow exactly, or a vehicle that is not flat is given setpoints.
     """
 
     def __init__(
         self,
-        vehicle: Vehicle,
+        vehicle: Vehicle | DrivenBody,
         period: float,
         follow: Literal["exact", "dynamics", "feedback"],
         plant: Plant | None = None,
         bandwidth: float = BANDWIDTH,
         autopilot: float | None = None,
         lead: float | None = None,
+        input_rate: Sequence[float] | None = None,
     ) -> None:
+        self._vehicle: Any = vehicle
         if follow == "exact" and plant is not None and autopilot is None:
             raise ValueError("vehicle.follow: found exact beside a plant; allowed: dynamics, feedback")
-        self._vehicle = vehicle
         self._range = ThrustRange.of(vehicle)
         self._period = period
         self._follow = follow
         self._motion = Motion(Plant(vehicle) if plant is None else plant)
-        self._follower = PlanFollower(vehicle, bandwidth)
-        self._autopilot = None if autopilot is None else Autopilot(vehicle, autopilot)
         self._lead = period if lead is None else lead
+        self._shot_follower = ShotFollower(vehicle, bandwidth, input_rate) if follow == "feedback" else None
         n = vehicle.flat_dimension
         z, dz, ddz = (ca.SX.sym(name, n) for name in ("z", "dz", "ddz"))
+        held = ca.SX.sym("thrust", len(vehicle.thrust_max))
+        if isinstance(vehicle, DrivenBody):
+            if autopilot is not None:
+                raise ValueError("command: found setpoint beside a vehicle that is not flat; allowed: thrust")
+            dynamics, state = Dynamics(vehicle), ca.SX.sym("state", 2 * n)
+            self._accelerated = ca.Function("accelerated", [state, held], [dynamics.point(state, held)[2]])
+            return
+        self._follower = PlanFollower(vehicle, bandwidth)
+        self._autopilot = None if autopilot is None else Autopilot(vehicle, autopilot)
         self._thrust_at = ca.Function("thrust", [z, dz, ddz], [vehicle.inputs(z, dz, ddz)])
         self._thrust = self._thrust_at.map(GRID)
         if gives_power(vehicle):
             velocity = ca.Function("velocity", [z, dz], [vehicle.body_velocity(z, dz)])  # type: ignore[attr-defined]
             self._velocity = velocity.map(GRID)
-        held = ca.SX.sym("thrust", len(vehicle.thrust_max))
         self._accelerated = ca.Function("accelerated", [z, dz, held], [acceleration(vehicle, z, dz, held)])
 
     def follow(self, state: Array, plan: Plan) -> Move:
@@ -151,6 +164,23 @@ class Mover:
         mean = np.asarray(self._range.clip(thrust).mean(axis=0))
         return self._moved(reached, piece, held, np.minimum(peak, 1.0), clipped, mean, power)
 
+    def execute(self, state: Array, plan: ShootingPlan) -> Move:
+        """Apply the inputs of a plan by integration for one period; with ``feedback`` those of a follower about it."""
+        if self._shot_follower is None:
+            return self.hold(state, *plan.applied(self._period))
+        follower, hold, number = self._shot_follower, self._period / samples(self._period), count()
+
+        def thrust(z: Array, dz: Array) -> Array:
+            return follower.thrust(plan, self._period, plan.elapsed + next(number) * hold, z, dz)
+
+        state, asked, power = self._held_samples(state, thrust)
+        planned = follower.planned(plan, self._period, plan.elapsed + self._period)
+        z, dz = self._vehicle.flat(state)
+        off = float(np.linalg.norm(z[: len(planned)] - planned))
+        flat = np.vstack([z, dz, self._change(state, z, dz, asked[-1])])
+        peak = np.max(self._range.used(asked), axis=0)
+        return Move(flat, state, asked[0], peak, off_plan=off, thrust_mean=asked.mean(axis=0), power=power)
+
     def hold(self, state: Array, thrust: Array, until: Array | None = None) -> Move:
         """Integrate the forward dynamics under constant inputs, or under inputs linear in time ``until`` others."""
         before = self._motion.work
@@ -161,11 +191,16 @@ class Mover:
             end = self._motion.advance(state, lambda s: thrust + (last - thrust) * (s / self._period), self._period)
         power = (self._motion.work - before) / self._period
         z, dz = self._vehicle.flat(end)
-        ddz = np.asarray(self._accelerated(z, dz, last)).ravel()
-        flat = np.vstack([z, dz, np.where(np.isfinite(ddz), ddz, 0.0)])  # no number where the flatness map is singular
+        flat = np.vstack([z, dz, self._change(end, z, dz, last)])
         peak = np.maximum(self._range.used(thrust), self._range.used(last))
         mean = thrust if last is thrust else 0.5 * (thrust + last)
         return Move(flat, end, thrust, peak, thrust_mean=mean, power=power)
+
+    def _change(self, state: Array, z: Array, dz: Array, thrust: Array) -> Array:
+        """z̈ ``(n,)`` under inputs; zero where it is no number, as where a flatness map is singular."""
+        point = (state,) if isinstance(self._vehicle, DrivenBody) else (z, dz)
+        ddz = np.asarray(self._accelerated(*point, thrust)).ravel()
+        return np.where(np.isfinite(ddz), ddz, 0.0)
 
     def place(self, state: Array, position: Array) -> Move:
         """Put the vehicle somewhere, at rest and with the same yaw; there is no thrust to speak of."""
@@ -197,15 +232,19 @@ class Mover:
         self, state: Array, piece: FlatTrajectory, clipped: bool, thrust: Callable[[Array, Array], Array]
     ) -> Move:
         """Move under a thrust that follows from the measured flat output and its rate, and is held between samples."""
+        state, asked, power = self._held_samples(state, thrust)
+        peak = np.max(self._range.used(asked), axis=0)
+        return self._moved(state, piece, asked[0], peak, clipped, asked.mean(axis=0), power)
+
+    def _held_samples(self, state: Array, thrust: Callable[[Array, Array], Array]) -> tuple[Array, Array, float]:
+        """The state a period later, the thrusts that were held ``(samples, m)``, and their mean power in W."""
         step = self._period / samples(self._period)
         asked: list[Array] = []
         before = self._motion.work
         for _ in range(samples(self._period)):
             asked.append(thrust(*self._vehicle.flat(state)))
             state = self._motion.advance(state, lambda s, held=asked[-1]: held, step)  # type: ignore[misc]
-        peak = np.max(self._range.used(asked), axis=0)
-        power = (self._motion.work - before) / self._period
-        return self._moved(state, piece, asked[0], peak, clipped, np.mean(asked, axis=0), power)
+        return state, np.array(asked), (self._motion.work - before) / self._period
 
     def _power(self, through: FlatTrajectory, thrust: Array) -> float:
         """Mean power in W of a thrust ``(GRID, m)`` along a piece through the water."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.driven import DrivenBody
 from gbt_ocp.models.fossen import FossenParameters, rotation
 from gbt_ocp.models.sizes import not_negative
 from gbt_ocp.models.vehicles import Vehicle
@@ -78,7 +79,7 @@ class Plant:
     drag and added mass act on that velocity (Fossen 2011, section 8.3). The state is always that over ground.
     """
 
-    vehicle: Vehicle
+    vehicle: Vehicle | DrivenBody
     thrust: ArrayLike = 1.0
     lag: float = 0.0
     dead_time: float = 0.0
@@ -94,9 +95,16 @@ class Plant:
             raise ValueError("rng: found None; allowed: a generator where force_std is positive")
 
 
-def gives_power(vehicle: Vehicle) -> bool:
-    """Whether the inputs of a vehicle are the forces along its velocities, so that their products are power in W."""
-    return hasattr(vehicle, "body_velocity")
+def gives_power(vehicle: Vehicle | DrivenBody) -> bool:
+    """Whether the power of a vehicle's inputs is known: they are forces along its velocities, or it says itself."""
+    return hasattr(vehicle, "body_velocity") or isinstance(vehicle, DrivenBody)
+
+
+def power_of(vehicle: Vehicle | DrivenBody, state: Array, inputs: Array) -> float:
+    """``Σ|τ_i w_i|`` in W at a state, w_i the velocity along which an input pushes."""
+    if isinstance(vehicle, DrivenBody):
+        return vehicle.power(state, inputs)
+    return float(np.sum(np.abs(inputs * vehicle.velocity(state))))
 
 
 Command = Callable[[float], Array]
@@ -194,8 +202,8 @@ class Motion:
         if found.sol is not None:
             times = np.linspace(begin, end, POWER_POINTS)
             reached = list(zip(times, found.sol(times).T, strict=True))
-            acting = np.array([y[size:] if lag > 0.0 else factor * command(s + age) for s, y in reached])
-            power = np.sum(np.abs(acting * [vehicle.velocity(y[:size]) for _, y in reached]), axis=1)
+            acting = [y[size:] if lag > 0.0 else factor * command(s + age) for s, y in reached]
+            power = np.array([power_of(vehicle, y[:size], a) for (_, y), a in zip(reached, acting, strict=True)])
             self.work += float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(times)))
         return np.asarray(found.y[:, -1])
 

@@ -30,7 +30,7 @@ NUMERIC = frozenset(
     )
 )  # fmt: skip
 COUNTS = frozenset(("fallbacks", "retries"))
-LISTS = frozenset(("warnings", "thrust_max", "thrust_min"))
+LISTS = frozenset(("warnings", "thrust_max", "thrust_min", "inputs"))
 """Keys of the summary that are read again, by the kind of their values."""
 
 # Most builds of PyYAML have the fast loader; a sweep reads as many files as it has runs.

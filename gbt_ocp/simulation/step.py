@@ -10,6 +10,7 @@ import numpy as np
 
 from gbt_ocp.guidance.current import Current
 from gbt_ocp.guidance.strategy import Placement
+from gbt_ocp.models.driven import DrivenBody
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.simulation.mover import Move
@@ -58,7 +59,7 @@ class Step:
     time: float
     times: Array
     target: Array
-    vehicle: Vehicle
+    vehicle: Vehicle | DrivenBody
     state: Array
     bearing: Array | None
     desired_bearing: Array

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.effort import effort_numbers
 from gbt_ocp.simulation.history import History
+from gbt_ocp.simulation.steering_numbers import steering_numbers
 from gbt_ocp.simulation.track_summary import track_numbers
 
 FALLBACKS = ("shifted", "cold", "unfinished", "braking")
@@ -70,7 +71,8 @@ def summarise(
     in which a plan was followed, at their ends, in m. ``current_error_final`` is the distance of the last estimate of
     the current from the true one in m/s. ``energy_j`` is that of the thrusters and of ``hotel_w``, ``power_mean_w`` its
     mean over time, and ``thrust_reversals_per_min`` counts how often the thrust of an axis changes its sign, thrusts
-    below a hundredth of its largest left out. ``steps`` counts the sampling periods, K - 1.
+    below a hundredth of its largest left out. ``speed_ahead_min`` and ``turn_radius_min_m`` are those of
+    :func:`~gbt_ocp.simulation.steering_numbers.steering_numbers`. ``steps`` counts the sampling periods, K - 1.
     Similarities are of desired and true bearing, over the second half of the run. ``range_observable_from_s`` is the
     time from which on the range is known to a quarter until the end. ``steps_over_period`` counts the steps in which
     tracker and solver together took longer than T. To these come the numbers of
@@ -121,6 +123,7 @@ def summarise(
         "off_plan_max": _of(np.max, followed),
         "current_error_final": _current_error(history),
         **effort_numbers(history, period, hotel_w),
+        **steering_numbers(history),
         "objective_mean": _of(np.mean, history.objective[planned]),
         "solver_success_rate": _of(np.mean, first_try[planned]),
         "solver_iterations_mean": _of(np.mean, history.solver_iterations[planned]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -25,11 +25,12 @@ from gbt_ocp.experiments.config.guidance import (
 )
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.config.target import TrackTargetSection, TurningTargetSection
-from gbt_ocp.experiments.config.vehicle import FossenVehicleSection, VehicleParametersSection
+from gbt_ocp.experiments.config.vehicle import DrivenVehicleSection, FossenVehicleSection, VehicleParametersSection
 from gbt_ocp.guidance.circumnavigation import Circumnavigation
 from gbt_ocp.guidance.current import Current, CurrentObserver, KnownCurrent
 from gbt_ocp.guidance.fim_placement import FimPlacement
 from gbt_ocp.guidance.helical import HelicalGuidance
+from gbt_ocp.guidance.helm import SteeringLimits
 from gbt_ocp.guidance.objectives import RangePull
 from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
 from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
@@ -40,7 +41,7 @@ from gbt_ocp.guidance.water import InWater
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.contracts import ContractError, made, named
 from gbt_ocp.models.fossen import FossenParameters, FossenVehicle
-from gbt_ocp.models.known_vehicles import KNOWN_VEHICLES
+from gbt_ocp.models.known_vehicles import KNOWN_DRIVEN, KNOWN_VEHICLES
 from gbt_ocp.models.model_checks import check_target, check_vehicle
 from gbt_ocp.models.targets import Target, TrackTarget, case_target
 from gbt_ocp.models.turning import TurningTarget
@@ -112,8 +113,8 @@ def build_target(configuration: Configuration, rng: np.random.Generator | None =
     return case_target(int(section.kind[-1]), turn_rate_step=step, every_s=getattr(section, "every_s", 10.0))
 
 
-def build_vehicle(configuration: Configuration) -> Vehicle:
-    """The vehicle.
+def build_vehicle(configuration: Configuration) -> Any:
+    """The vehicle: a :class:`~gbt_ocp.models.Vehicle`, or a :class:`~gbt_ocp.models.DrivenBody` that is not flat.
 
     Raises
     ------
@@ -121,6 +122,8 @@ def build_vehicle(configuration: Configuration) -> Vehicle:
         If the problem's own vehicle lacks something or moves in another number of dimensions.
     """
     section = configuration.vehicle
+    if isinstance(section, DrivenVehicleSection):
+        return KNOWN_DRIVEN[section.model].make(section.thrust_max, section.thrust_min)
     if not isinstance(section, FossenVehicleSection):
         factory = configuration.problem_object.vehicle
         assert factory is not None, "checked when the configuration was read"
@@ -277,6 +280,11 @@ def _crossing_first(configuration: Configuration, planned: PlannedMotion, vehicl
         speed=section.startup_speed,
         opening=section.startup_opening,
         leg=section.startup_leg_s,
+        limits=SteeringLimits(
+            slowest=configuration.limits.speed_min or 0.0,
+            radius=configuration.limits.turn_radius_m or 0.0,
+            rate=configuration.limits.input_rate,
+        ),
     )
 
 
@@ -284,7 +292,7 @@ def build_start(configuration: Configuration, vehicle: Vehicle, rng: np.random.G
     """The continuous derivatives of the flat output at the start ``(k+1, n)``: at rest, at a given place.
 
     Or somewhere in the box, or at a given distance from where the target starts, ``target`` ``(d,)``; in space within
-    30° of its level.
+    30° of its level. A speed is ahead, along the yaw; a vehicle that is not flat has one of its own.
     """
     section, d = configuration.vehicle.start, configuration.dimension
     place = rng.uniform(-section.box_m, section.box_m, d)
@@ -299,6 +307,11 @@ def build_start(configuration: Configuration, vehicle: Vehicle, rng: np.random.G
     flat[0, :d] = place if section.position_m is None else section.position_m
     if vehicle.flat_dimension > configuration.dimension:
         flat[0, configuration.dimension] = math.radians(section.yaw_deg)
+    speed = section.speed
+    if speed is None and isinstance(configuration.vehicle, DrivenVehicleSection):
+        speed = KNOWN_DRIVEN[configuration.vehicle.model].cruise
+    yaw = math.radians(section.yaw_deg)
+    flat[1, :2] = (speed or 0.0) * np.array([math.cos(yaw), math.sin(yaw)])
     return flat
 
 
@@ -329,5 +342,6 @@ def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
         follow_bandwidth=configuration.vehicle.follow_bandwidth or BANDWIDTH,
         autopilot=configuration.plant.autopilot_s if configuration.command == "setpoint" else None,
         lead=configuration.setpoint_lead,
+        input_rate=configuration.limits.input_rate,
     )
     return loop, start

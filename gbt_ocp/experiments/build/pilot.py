@@ -33,5 +33,6 @@ def build_pilot(configuration: Configuration) -> PilotParts:
         navigation_gap=configuration.pilot.navigation_gap_s,
         bearing_std=sensor.noise,
         tracker_at=lambda own: build_tracker(configuration.tracker, own, sensor),
+        input_rate=configuration.limits.input_rate,
         sensors={section.name: simulated_sensor(section) for section in listed},
     )

@@ -68,6 +68,8 @@ PositionNumbers = Annotated[Numbers, sized("d"), InWords("{d} numbers")]
 InputNumbers = Annotated[Numbers, sized("n"), InWords("{n} numbers")]
 PositiveInputNumbers = Annotated[PositiveNumbers, sized("n"), InWords("{n} numbers > 0")]
 NegativeInputNumbers = Annotated[NegativeNumbers, sized("n"), InWords("{n} numbers < 0")]
+NotPositiveNumbers = Annotated[tuple[Annotated[float, Field(le=0.0)], ...], BeforeValidator(as_tuples)]
+NotPositiveInputNumbers = Annotated[NotPositiveNumbers, sized("n"), InWords("{n} numbers <= 0")]
 NotNegativeInputNumbers = Annotated[NotNegativeNumbers, sized("n"), InWords("{n} numbers >= 0")]
 Covariance = Annotated[
     tuple[tuple[float, ...], ...],

@@ -14,7 +14,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from gbt_ocp.experiments.config.keys import PositionNumbers, Positive, Section, as_tuples, key, redeclare
+from gbt_ocp.experiments.config.keys import (
+    PositionNumbers,
+    Positive,
+    PositiveInputNumbers,
+    Section,
+    as_tuples,
+    key,
+    redeclare,
+)
 
 if TYPE_CHECKING:  # CasADi takes a second to import, which a check of a configuration does not need
     from gbt_ocp.ocp import Constraint
@@ -202,6 +210,44 @@ def _speed(value: float, problem: PosedProblem) -> Iterator[Constraint]:
     from gbt_ocp.ocp import SpeedLimit
 
     yield SpeedLimit(problem.vehicle.position_dimension, value)
+
+
+@limit(
+    "speed_min",
+    "speed_min",
+    Positive | None,
+    key(None, "Least speed ahead through the water in m/s, for a vehicle that is steered by fins."),
+)
+def _speed_min(value: float, problem: PosedProblem) -> Iterator[Constraint]:
+    from gbt_ocp.guidance.steering_limits import LeastSpeed
+
+    _refuse_without_yaw("speed_min", value, problem)
+    yield LeastSpeed(problem.vehicle.position_dimension, value)
+
+
+@limit(
+    "turn_radius",
+    "turn_radius_m",
+    Positive | None,
+    key(None, "Least radius of turns in m."),
+)
+def _turn_radius(value: float, problem: PosedProblem) -> Iterator[Constraint]:
+    from gbt_ocp.guidance.steering_limits import LeastTurnRadius
+
+    _refuse_without_yaw("turn_radius_m", value, problem)
+    yield LeastTurnRadius(problem.vehicle.position_dimension, value)
+
+
+@limit(
+    "input_rate",
+    "input_rate",
+    PositiveInputNumbers | None,
+    key(None, "Largest rates of the inputs in their units a second, with planner.form: shooting."),
+)
+def _input_rate(value: tuple[float, ...], problem: PosedProblem) -> Iterator[Constraint]:
+    from gbt_ocp.ocp import InputRateLimit
+
+    yield InputRateLimit(problem.vehicle, value)
 
 
 @limit(

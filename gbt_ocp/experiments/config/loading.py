@@ -26,6 +26,8 @@ from gbt_ocp.experiments.config.schema import Configuration, is_text
 from gbt_ocp.experiments.config.tracker import TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.validation import faults_of
+from gbt_ocp.experiments.config.vehicle import DRIVEN_BY_NAME, DRIVEN_INPUTS
+from gbt_ocp.experiments.config.vehicle_choice import choose_vehicle, driven_defaults
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,8 @@ def _checked(
     layers += [layer for line in overrides if (layer := _override(line, faults)) is not None]
     if seed is not None:
         layers.append(_Layer("--seed", {"seed": seed}))
+    for layer in layers:
+        choose_vehicle(layer.values)
 
     top = _merge(layers)
     chosen, problem = _problem(top.get("problem", "case2"), folder, layers, faults)
@@ -239,7 +243,11 @@ def _beneath(
             layers.append(_Layer("defaults", {"desired_bearing": {"period_s": "auto"}}))
         for layer in (_Layer(label, own), _Layer(label, _plain_mapping(problem.defaults))):
             _resolve_paths(layer.values, path.parent)
+            choose_vehicle(layer.values)
             layers.append(layer)
+    model = value_at(overlaid(_merge(layers), written, ()), ("vehicle", "model"))
+    if isinstance(model, str) and model in DRIVEN_BY_NAME:
+        layers.append(_Layer(f"vehicle {model}", driven_defaults(model, _merge(layers), written)))
     if isinstance(preset, str) and preset in PRESETS:
         layers.append(_Layer(f"preset {preset}", PRESETS[preset]))
     return layers
@@ -284,8 +292,12 @@ def _absolute(path: str, folder: Path) -> str:
 def _known_sizes(merged: Mapping[str, Any], problem: TrackingProblem | None) -> dict[str, int]:
     if problem is None:
         return {}
+    kind, model = (value_at(merged, ("vehicle", name)) for name in ("kind", "model"))
+    if kind == "driven":
+        count = DRIVEN_INPUTS.get(str(model))
+        return {"d": problem.dimension} | ({} if count is None else {"n": count})
     # A user's vehicle may have any number of inputs.
-    own = value_at(merged, ("vehicle", "kind")) == "problem"
+    own = kind == "problem"
     return {"d": problem.dimension} if own else {"d": problem.dimension, "n": problem.dimension + 1}
 
 

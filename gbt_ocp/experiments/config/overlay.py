@@ -17,7 +17,7 @@ _ALTERNATIVES: dict[tuple[str, ...], tuple[str, str]] = {
 
 # Another kind brings other keys; these belong to every kind of their section and stay.
 _SHARED: dict[tuple[str, ...], tuple[str, ...]] = {
-    ("vehicle",): ("start", "follow", "follow_bandwidth", "hotel_w"),
+    ("vehicle",): ("start", "follow", "follow_bandwidth", "hotel_w", "current"),
     ("sensor", "_"): tuple(ListedSensorSection.model_fields),
 }
 

@@ -89,6 +89,11 @@ class PlantSection(Section):
     @property
     def has_forces(self) -> bool:
         """Whether a key is set that needs a Fossen model: its parameters, the water, forces on its hull."""
+        return self.has_push or self.flows
+
+    @property
+    def has_push(self) -> bool:
+        """The same but for the water: parameters of a Fossen model, or forces on its hull."""
         factors = (self.mass, self.added_mass, self.drag)
         changed = any(factor != 1.0 for factor in factors)
-        return changed or any(self.force or ()) or self.force_std > 0.0 or self.flows
+        return changed or any(self.force or ()) or self.force_std > 0.0

@@ -12,6 +12,7 @@ from gbt_ocp.experiments.config.keys import (
     InputNumbers,
     NegativeInputNumbers,
     NotNegativeInputNumbers,
+    NotPositiveInputNumbers,
     PositionNumbers,
     Positive,
     PositiveInputNumbers,
@@ -51,12 +52,15 @@ def _word_or_given(value: Any) -> str:
 
 
 class StartSection(Section):
-    """Where the vehicle starts, at rest."""
+    """Where the vehicle starts; at rest, unless it is one that has to move."""
 
     position_m: PositionNumbers | None = key(None, "Position in m; null draws it uniformly from the box.")
     range_m: Positive | None = key(None, "Distance in m from where the target starts, in a random direction, instead.")
     box_m: float = key(5.0, "Half side of the box around the origin in m.", ge=0.0)
     yaw_deg: float = key(0.0, "Yaw in degrees, counter-clockwise from +x.")
+    speed: float | None = key(
+        None, "Speed ahead through the water in m/s; null is at rest, with vehicle.kind: driven the model's.", ge=0.0
+    )
 
 
 Follow = Literal["exact", "dynamics", "feedback"]
@@ -66,6 +70,18 @@ KNOWN_BY_NAME = {
     "bluerov2_heavy": "BlueROV2 Heavy, 13.5 kg, eight T200 thrusters at 16 V (von Benzon et al. 2022)",
 }
 """What the vehicles of :data:`gbt_ocp.models.KNOWN_VEHICLES` are; here, so that a list of them loads no model."""
+
+DrivenName = Literal["torpedo2d", "torpedo3d", "vessel"]
+DRIVEN_BY_NAME = {
+    "torpedo2d": "LAUV torpedo in the plane, 18 kg, thrust and rudder, 2 m/s (da Silva et al. 2007)",
+    "torpedo3d": "LAUV torpedo in space, with an elevator too (da Silva et al. 2007)",
+    "vessel": "Otter surface vessel, 55 kg, two thrusters, 3 m/s (Fossen's Marine Systems Simulator)",
+}
+"""What the vehicles of :data:`gbt_ocp.models.KNOWN_DRIVEN` are, which are not flat."""
+DRIVEN_INPUTS = {"torpedo2d": 2, "torpedo3d": 3, "vessel": 2}
+"""Numbers of their inputs."""
+DRIVEN_DIMENSIONS = {"torpedo2d": 2, "torpedo3d": 3, "vessel": 2}
+"""Dimensions of the space in which they move."""
 
 # what vehicles of both kinds have in common, declared once
 _START = Field(default_factory=StartSection, description="Initial state.")
@@ -81,6 +97,17 @@ _BANDWIDTH = key(
     le=50.0,
 )
 _HOTEL = key(0.0, "Power in W that the vehicle takes besides its thrusters; counted in energy_j.", ge=0.0)
+
+
+KnownOfCurrent = Annotated[
+    Annotated[Literal["none", "unknown"], Tag("word")] | Annotated[PositionNumbers, Tag("given")],
+    Discriminator(_word_or_given),
+]
+_CURRENT = key(
+    "none",
+    "What the planner knows of the current: that there is none, nothing (it is estimated), or its velocity in m/s.",
+    "none, unknown, or {d} numbers",
+)
 
 
 class FossenVehicleSection(Section):
@@ -106,14 +133,23 @@ class FossenVehicleSection(Section):
     follow: Follow = _FOLLOW
     follow_bandwidth: float | None = _BANDWIDTH
     hotel_w: float = _HOTEL
-    current: Annotated[
-        Annotated[Literal["none", "unknown"], Tag("word")] | Annotated[PositionNumbers, Tag("given")],
-        Discriminator(_word_or_given),
-    ] = key(
-        "none",
-        "What the planner knows of the current: that there is none, nothing (it is estimated), or its velocity in m/s.",
-        "none, unknown, or {d} numbers",
+    current: KnownOfCurrent = _CURRENT
+
+
+class DrivenVehicleSection(Section):
+    """A vehicle with fewer inputs than ways to move; needs planner.form: shooting."""
+
+    kind: Literal["driven"] = key(..., "A vehicle that is not flat; vehicle.model alone chooses it.")
+    model: DrivenName = key(..., "The vehicle by its name, as gbt-ocp list vehicles shows them.")
+    thrust_max: PositiveInputNumbers | None = key(
+        None, "Upper limits of the inputs in their units (N, rad); null is the model's."
     )
+    thrust_min: NotPositiveInputNumbers | None = key(None, "Lower limits, likewise; null is the model's.")
+    start: StartSection = _START
+    follow: Follow = _FOLLOW
+    follow_bandwidth: float | None = _BANDWIDTH
+    hotel_w: float = _HOTEL
+    current: KnownOfCurrent = _CURRENT
 
 
 class ProblemVehicleSection(Section):
@@ -126,5 +162,5 @@ class ProblemVehicleSection(Section):
     hotel_w: float = _HOTEL
 
 
-AnyVehicle = Annotated[FossenVehicleSection | ProblemVehicleSection, Field(discriminator="kind")]
+AnyVehicle = Annotated[FossenVehicleSection | DrivenVehicleSection | ProblemVehicleSection, Field(discriminator="kind")]
 """The section; ``kind`` chooses between its classes."""

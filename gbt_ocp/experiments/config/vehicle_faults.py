@@ -10,6 +10,10 @@ from pydantic import ValidationError
 from gbt_ocp.experiments.config.faults import NOTHING, Fault, shown, value_at
 from gbt_ocp.experiments.config.plant import PlantSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
+from gbt_ocp.experiments.config.vehicle import DRIVEN_DIMENSIONS
+
+LAWS_OF_DRIVEN = ("planner", "static", "constant_force", "random")
+"""Values of ``guidance.kind`` that a vehicle which is not flat can follow."""
 
 
 def vehicle_faults(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Iterator[Fault]:
@@ -26,6 +30,8 @@ def vehicle_faults(merged: Mapping[str, Any], problem: TrackingProblem | None) -
     bandwidth = value_at(merged, ("vehicle", "follow_bandwidth"))
     if bandwidth not in (NOTHING, None) and follow != "feedback":
         yield Fault(("vehicle", "follow_bandwidth"), shown(bandwidth), "null without vehicle.follow = feedback")
+    if vehicle == "driven":
+        yield from _driven(merged, problem)
     current = value_at(merged, ("vehicle", "current"))
     if current not in (NOTHING, "none"):
         yield from _current(merged, current, problem)
@@ -56,9 +62,29 @@ def vehicle_faults(merged: Mapping[str, Any], problem: TrackingProblem | None) -
         )
     if plant.current_shear is not None and len(plant.current_shear) == 2:
         yield Fault(("plant", "current_shear"), shown(list(plant.current_shear)), "null in the plane")
+    if vehicle == "driven" and plant.has_push:
+        allowed = "thrust, lag_s, dead_time_s and the current alone beside vehicle.kind = driven"
+        yield Fault(("plant",), shown(merged["plant"]), allowed)
     if vehicle == "problem" and plant.has_forces:
         allowed = "thrust, lag_s and dead_time_s alone beside vehicle.kind = problem"
         yield Fault(("plant",), shown(merged["plant"]), allowed)
+
+
+def _driven(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Iterator[Fault]:
+    """A vehicle that is not flat, beside what asks for one that is, or in another number of dimensions."""
+    name = value_at(merged, ("vehicle", "model"))
+    dimension = DRIVEN_DIMENSIONS.get(str(name))
+    if problem is not None and dimension not in (None, problem.dimension):
+        fitting = [other for other, d in DRIVEN_DIMENSIONS.items() if d == problem.dimension]
+        allowed = f"{', '.join(fitting)} (the problem has {problem.dimension} dimensions)"
+        yield Fault(("vehicle", "model"), shown(name), allowed)
+    if value_at(merged, ("planner", "form")) != "shooting":
+        yield Fault(("planner", "form"), shown(value_at(merged, ("planner", "form"))), "shooting beside vehicle.model")
+    law = value_at(merged, ("guidance", "kind"))
+    if law not in (NOTHING, *LAWS_OF_DRIVEN):
+        yield Fault(("guidance", "kind"), shown(law), f"{', '.join(LAWS_OF_DRIVEN)} beside vehicle.model")
+    if value_at(merged, ("command",)) == "setpoint":
+        yield Fault(("command",), "setpoint", "thrust beside vehicle.model")
 
 
 def _current(merged: Mapping[str, Any], current: Any, problem: TrackingProblem | None) -> Iterator[Fault]:

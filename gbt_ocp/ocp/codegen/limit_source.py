@@ -58,7 +58,7 @@ def placed_limits(problem: PosedProblem, form: FlatForm | ShootingForm, moving: 
     for constraint in problem.constraints:
         own = moving[offset : offset + limit_size(constraint)]
         offset += limit_size(constraint)
-        value = ca.SX(ca.vertcat(form.constraint(constraint, own))) / ca.DM(constraint.scale)
+        value = ca.SX(ca.vertcat(form.at_node(constraint, own))) / ca.DM(constraint.scale)
         bound = np.where(np.isfinite(constraint.upper), constraint.upper, constraint.lower) / constraint.scale
         found.append(placed(value, point[:d], own, point[d:], origin, bound))
     return found
@@ -94,9 +94,11 @@ def limit_in_c(
     )
     first, second = ca.vertsplit(factors, value.numel())
     jacobian = ca.jacobian(value, place)[:, :width]
-    slopes, _, _ = nonzeros(jacobian)
+    chained = form.moves(constraint)
+    # row by row without gaps, for the chain rule
+    slopes = ca.vec(ca.densify(jacobian).T) if chained else nonzeros(jacobian)[0]
     known = ca.SX.sym("known", slopes.numel())
-    again = ca.SX(jacobian.sparsity(), known)
+    again = ca.reshape(known, width, value.numel()).T if chained else ca.SX(jacobian.sparsity(), known)
     curvature = ca.hessian(ca.dot(first, value), place)[0][:width, :width]
     curvature += ca.mtimes([again.T, ca.diag(second), again])
     curves, curve_rows, curve_columns = nonzeros(ca.tril(curvature))
@@ -127,7 +129,7 @@ def limit_in_c(
     tables_of_nodes = ", ".join(f"{name}_{table}" for _, table, _ in tables[8:])
     definition = (
         f"    {{{value.numel()}, {len(sides)}, {grid.intervals}, {grid.first}, {len(shares)}, {hard}, {kind},\n"
-        f"     {int(grid.given)}, {judged}, {int(grid.steady)},\n"
+        f"     {int(grid.given)}, {judged}, {int(grid.steady)}, {int(chained)},\n"
         f"     {name}_side_row, {name}_side_sign, {name}_side_bound,\n"
         f"     {name}_side_edge, {name}_side_weight, {name}_side_width,\n"
         f"     {name}_value, {name}_jacobian, {name}_pull, {name}_push, {name}_curvature,\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import factorial
 from typing import NamedTuple
 
@@ -54,24 +55,43 @@ def _flat(problem: PosedProblem, form: FlatForm) -> MotionInC:
 
 def _shooting(form: ShootingForm) -> MotionInC:
     """The state at the end of a piece with its first and second derivatives, and what a plan reports of a piece."""
-    piece, share = form.point[: form.width], ca.SX.sym("share")
-    end = form.state_after(1.0)
-    multiplier = ca.SX.sym("multiplier", form.states)
+    piece, share, span = form.point[: form.width], ca.SX.sym("share"), ca.SX.sym("span", 2)
+    single = form.steps == 1
+    end = form.state_after(1.0) if single else form.flow(piece[: form.dynamics.states], span[0], span[1])
+    multiplier = ca.SX.sym("multiplier", end.numel())
     curvature, rows, columns = nonzeros(ca.tril(ca.hessian(ca.dot(multiplier, end), piece)[0]))
     point = form.flat_point(piece[: form.states], form.inputs_after(0.0))
+    name, more = ("gbt_stage", []) if single else ("gbt_flow", [span])
+    tables = _pattern(name, rows, columns)
+    if not single:
+        tables += _pattern("gbt_stage", *(places.tolist() for places in np.tril_indices(form.width)))
     functions = [
-        c_function("gbt_stage", [piece], end),
-        c_function("gbt_stage_slopes", [piece], ca.vec(ca.jacobian(end, piece).T)),
-        c_function("gbt_stage_curvature", [piece, multiplier], curvature),
+        c_function(name, [piece, *more], end),
+        c_function(f"{name}_slopes", [piece, *more], ca.vec(ca.jacobian(end, piece).T)),
+        c_function(f"{name}_curvature", [piece, multiplier, *more], curvature),
         c_function("gbt_stage_point", [piece], ca.vertcat(point.z, point.dz)),
         c_function("gbt_stage_inputs", [piece, share], form.inputs_after(share)),
+        c_function("gbt_last_resort", [piece], form.resort),
     ]
-    tables = "".join(
+    tables += "".join(
         [
-            f"const int gbt_stage_entries = {len(rows)};\n",
-            c_array("int", "gbt_stage_row", np.array(rows, dtype=int), const="const"),
-            c_array("int", "gbt_stage_column", np.array(columns, dtype=int), const="const"),
+            c_array("gbt_real", "gbt_idle", form.idle, const="const"),
+            c_array("gbt_real", "gbt_input_step", np.minimum(form.steps_of_inputs, 1e30), const="const"),
         ]
     )
-    sizes = SHOOTING_FORM.format(states=form.states, held=form.held, at_end=int(form.at_end))
-    return MotionInC(sizes, functions, tables, len(rows))
+    sizes = SHOOTING_FORM.format(
+        states=form.states, last=form.dynamics.states, steps=form.steps, held=form.held, at_end=int(form.at_end)
+    )
+    entries = len(rows) if single else form.width * (form.width + 1) // 2
+    return MotionInC(sizes, functions, tables, entries)
+
+
+def _pattern(name: str, rows: Sequence[int], columns: Sequence[int]) -> str:
+    """Rows and columns of the nonzeros of a Hessian's lower triangle."""
+    return "".join(
+        [
+            f"const int {name}_entries = {len(rows)};\n",
+            c_array("int", f"{name}_row", np.array(rows, dtype=int), const="const"),
+            c_array("int", f"{name}_column", np.array(columns, dtype=int), const="const"),
+        ]
+    )

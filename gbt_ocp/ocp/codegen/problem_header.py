@@ -67,6 +67,8 @@ typedef struct {{
     int given;                       /* at the start of the trajectory no plan can change it */
     int judged;                      /* a piece that breaks it is not executed */
     int steady;                      /* between its nodes it is never broken more than at them */
+    int moved;                       /* it depends on the state at its nodes, which several steps lead to: its functions
+                                        are of that state, its Jacobian is full, row by row */
     const int *row;                  /* of each side: which value is bounded, */
     const gbt_real *sign, *bound;    /* to be kept at sign * value <= bound, */
     const gbt_real *edge;            /* which may lie within the true limit, */
@@ -97,11 +99,23 @@ extern const gbt_real gbt_thrust_min[GBT_INPUTS], gbt_thrust_max[GBT_INPUTS];
 /* A piece is its state and inputs: the state at its end; all derivatives of that, one row a state; the nonzeros of the
    lower triangle of the Hessian of its product with a multiplier. */
 void gbt_stage(const gbt_real *piece, const gbt_real *second, const gbt_real *third, gbt_real *state);
+#if GBT_STEPS > 1
+/* The same of one Runge-Kutta step from one share of the piece to another, of what moves of the state. */
+void gbt_flow(const gbt_real *piece, const gbt_real *span, const gbt_real *third, gbt_real *state);
+void gbt_flow_slopes(const gbt_real *piece, const gbt_real *span, const gbt_real *third, gbt_real *slopes);
+void gbt_flow_curvature(const gbt_real *piece, const gbt_real *multiplier, const gbt_real *span, gbt_real *entries);
+extern const int gbt_flow_entries, gbt_flow_row[], gbt_flow_column[];
+#else
 void gbt_stage_slopes(const gbt_real *piece, const gbt_real *second, const gbt_real *third, gbt_real *slopes);
 void gbt_stage_curvature(const gbt_real *piece, const gbt_real *multiplier, const gbt_real *third, gbt_real *entries);
+#endif
 extern const int gbt_stage_entries, gbt_stage_row[], gbt_stage_column[];
 /* Flat output and its rate at a piece's beginning. */
 void gbt_stage_point(const gbt_real *piece, const gbt_real *second, const gbt_real *third, gbt_real *point);
+/* Inputs of the last resort at its state, GBT_INPUTS; the idle ones, where a cold solve begins; and how far inputs may
+   change over a piece, from those that GBT_LAST begins in its state; huge where their rates are not limited. */
+void gbt_last_resort(const gbt_real *piece, const gbt_real *second, const gbt_real *third, gbt_real *inputs);
+extern const gbt_real gbt_idle[GBT_INPUTS], gbt_input_step[GBT_INPUTS];
 /* The inputs after a share of a piece. */
 void gbt_stage_inputs(const gbt_real *piece, const gbt_real *share, const gbt_real *third, gbt_real *inputs);
 #else
@@ -132,6 +146,7 @@ GBT_END_C
 """What :func:`gbt_ocp.ocp.codegen.problem_source.generate_problem` fills in."""
 
 FLAT_FORM = """#define GBT_SHOOTING 0
+#define GBT_STEPS 1
 #define GBT_DEGREE {degree}            /* L, degree of the polynomials */
 #define GBT_JOINED {joined}            /* derivatives 0 .. that a piece takes over from the one before */
 #define GBT_TAYLOR {taylor} /* T^k / k!: what is in a derivative at the end of a piece of the one k above it */
@@ -141,7 +156,9 @@ FLAT_FORM = """#define GBT_SHOOTING 0
 """Sizes of the flat form."""
 
 SHOOTING_FORM = """#define GBT_SHOOTING 1
-#define GBT_STATES {states}           /* of the vehicle */
+#define GBT_STATES {states}           /* of the vehicle, and the inputs of the piece before where rates are limited: */
+#define GBT_LAST {last}             /* which begin here; GBT_STATES where there are none */
+#define GBT_STEPS {steps}            /* Runge-Kutta steps over a piece */
 #define GBT_HELD {held}             /* unknowns of a piece: its inputs, or those at both of its ends */
 #define GBT_COST_AT_END {at_end}      /* whether the objective reads the state at the end of a piece alone */
 """

@@ -89,13 +89,14 @@ def record(planner: AnyPlanner, steps: Sequence[Mapping[str, Any]] | None = None
     for number in range(2 * STEPS if steps is None else len(steps)):
         step = drill.step() if steps is None else steps[number]
         before = planner.previous
+        row = _inputs(planner, step, moments)
         shaken = [_shaken(planner, step, rng) for _ in range(2)]
         planner.previous = before
         plan = planner.solve(**step)
         drill.state = plan.knots[1]
         if max(np.abs(other - plan.endpoints).max() for other in shaken) > LEAST_MOVE:
             continue
-        row = _inputs(planner, step, moments) | {"endpoints": plan.endpoints}
+        row["endpoints"] = plan.endpoints
         row["warm"] = np.array([before is not None])
         row["previous"] = np.zeros((problem.pieces, problem.freedoms)) if before is None else before.top
         for name, values in row.items():

@@ -97,7 +97,8 @@ void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top);
 /* What is free in a piece that is added to a plan, from what was in its last one, GBT_FREE each. */
 void gbt_lengthen(const gbt_real *last, gbt_real *added);
 
-/* The last resort: a plan from start that slows the vehicle down, GBT_PIECES x GBT_FREE. */
+/* The last resort: a plan from start that slows the vehicle down, or does what the vehicle has for that; GBT_PIECES x
+   GBT_FREE. */
 void gbt_brake(const gbt_real *start, gbt_real *top);
 
 /* Adds what the end of a piece gives to the objective's own terms, and to its sums: GBT_TERMS. */
@@ -160,6 +161,27 @@ void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *ch
 
 /* The inputs of piece i after a part of the step, where its state has become another one. */
 void gbt_follow_gains(gbt_workspace *work, int i, gbt_real part, const gbt_real *state, gbt_real *inputs);
+
+#if GBT_STEPS > 1
+/* Along a piece of several Runge-Kutta steps: its numbers after a share of it, what moves of its state after each step,
+   and the derivatives of that for the numbers of the piece. */
+void gbt_state_after(gbt_piece piece, gbt_real share, gbt_real *at);
+void gbt_passed_states(gbt_piece piece, gbt_real states[GBT_STEPS + 1][GBT_LAST]);
+void gbt_passed_slopes(gbt_piece piece, gbt_real states[GBT_STEPS + 1][GBT_LAST],
+                       gbt_real along[GBT_STEPS + 1][GBT_LAST][GBT_PIECE]);
+void gbt_end_slopes(gbt_real along[GBT_LAST][GBT_PIECE], gbt_real slopes[GBT_STATE][GBT_PIECE]);
+/* The chain rule: a row of first derivatives, and second derivatives added to the lower triangle of a matrix. */
+void gbt_chained(gbt_real along[GBT_LAST][GBT_PIECE], gbt_real *row);
+void gbt_add_chained(gbt_real along[GBT_LAST][GBT_PIECE], const gbt_real *entry, int entries, const int *rows,
+                     const int *columns, gbt_real matrix[GBT_PIECE][GBT_PIECE]);
+/* Second derivatives of the states after the steps times multipliers, which are spent. */
+void gbt_flow_bend(gbt_piece piece, gbt_real states[GBT_STEPS + 1][GBT_LAST],
+                   gbt_real along[GBT_STEPS + 1][GBT_LAST][GBT_PIECE], gbt_real push[GBT_STEPS + 1][GBT_LAST],
+                   gbt_real *bend);
+#endif
+
+/* Cuts the inputs of a piece to what there is, and to what their rates allow. */
+void gbt_admit(gbt_piece piece);
 
 /* work->gradient again, for other numbers of the objective. */
 void gbt_objective_slopes(gbt_workspace *work);

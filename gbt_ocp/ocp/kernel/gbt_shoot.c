@@ -8,8 +8,40 @@
 
 void gbt_place_after(gbt_piece piece, gbt_real share, gbt_real *place)
 {
+#if GBT_STEPS > 1
+    gbt_state_after(piece, share, place);
+#else
     for (int a = 0; a < GBT_PIECE; a++) place[a] = piece[a];
+#endif
     place[GBT_PIECE] = share;
+}
+
+#if GBT_STEPS > 1
+typedef gbt_real (*passed_states)[GBT_STEPS + 1][GBT_LAST];
+#define PASSED_STATES(work) ((work)->passed)
+#else
+typedef void *passed_states;
+#define PASSED_STATES(work) 0
+#endif
+
+#if GBT_STEPS > 1
+/* The step at whose end a limit has its node k. */
+static int step_of(const gbt_limit *limit, int k) { return (limit->first + k) * GBT_STEPS / limit->intervals; }
+#endif
+
+/* What a limit looks at in its node k of piece i, where the states after the steps are known. */
+static void place_at_node(const gbt_workspace *work, gbt_piece piece, passed_states passed, int i,
+                          const gbt_limit *limit, int k, gbt_real *place)
+{
+    for (int a = 0; a < GBT_PIECE; a++) place[a] = piece[a];
+    place[GBT_PIECE] = limit->share[k];
+#if GBT_STEPS > 1
+    if (limit->moved)
+        for (int a = 0; a < GBT_LAST; a++) place[a] = passed[i][step_of(limit, k)][a];
+#else
+    (void)passed;
+#endif
+    gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, limit->share[k], place);
 }
 
 void gbt_next_piece(gbt_piece piece, gbt_piece next)
@@ -31,7 +63,7 @@ void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top)
     (void)start;
     for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) {
         const int j = k % GBT_INPUTS;
-        top[k] = aside / gbt_sqrt((gbt_real)(j + 1)) * gbt_thrust_max[j];
+        top[k] = gbt_idle[j] + aside / gbt_sqrt((gbt_real)(j + 1)) * gbt_thrust_max[j];
     }
 }
 
@@ -41,10 +73,32 @@ void gbt_lengthen(const gbt_real *last, gbt_real *added)
     for (int a = 0; a < GBT_FREE; a++) added[a] = last[GBT_FREE - GBT_INPUTS + a % GBT_INPUTS];
 }
 
+void gbt_admit(gbt_piece piece)
+{
+    for (int a = 0; a < GBT_FREE; a++) {
+        const int j = a % GBT_INPUTS;
+        gbt_real *input = &INPUTS(piece)[a];
+#if GBT_LAST < GBT_STATES
+        const gbt_real before = piece[GBT_LAST + j], most = gbt_input_step[j];
+        *input = *input > before + most ? before + most : *input < before - most ? before - most : *input;
+#endif
+        *input = *input > gbt_thrust_max[j] ? gbt_thrust_max[j] : *input < gbt_thrust_min[j] ? gbt_thrust_min[j] : *input;
+    }
+}
+
 void gbt_brake(const gbt_real *start, gbt_real *top)
 {
-    (void)start;
-    for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) top[k] = 0;
+    gbt_piece piece;
+    gbt_real inputs[GBT_INPUTS];
+    for (int a = 0; a < GBT_STATE; a++) piece[a] = start[a];
+    for (int i = 0; i < GBT_PIECES; i++) {
+        for (int a = 0; a < GBT_FREE; a++) INPUTS(piece)[a] = 0;
+        gbt_last_resort(piece, 0, 0, inputs);
+        for (int a = 0; a < GBT_FREE; a++) INPUTS(piece)[a] = inputs[a % GBT_INPUTS];
+        gbt_admit(piece);
+        for (int a = 0; a < GBT_FREE; a++) top[i * GBT_FREE + a] = INPUTS(piece)[a];
+        gbt_next_piece(piece, piece);
+    }
 }
 
 /* What the objective of a piece looks at: the state at its end, or its beginning and inputs. */
@@ -97,22 +151,21 @@ void gbt_adjoint(const gbt_workspace *work, gbt_piece gradient[], gbt_real out[]
     }
 }
 
-/* What a limit looks at after a share of piece i. */
-static void place_at(const gbt_workspace *work, gbt_piece piece[], int i, gbt_real share, gbt_real *place)
-{
-    gbt_place_after(piece[i], share, place);
-    gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, share, place);
-}
-
 gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
 {
     gbt_real place[GBT_PLACE], value[GBT_ROWS], total[GBT_TERMS];
+#if GBT_STEPS > 1
+    gbt_real states[GBT_PIECES][GBT_STEPS + 1][GBT_LAST], (*passed)[GBT_STEPS + 1][GBT_LAST] = states;
+    for (int i = 0; i < work->pieces; i++) gbt_passed_states(piece[i], states[i]);
+#else
+    passed_states passed = 0;
+#endif
     gbt_total(work, piece, total);
     for (int i = 0; i < work->pieces; i++)
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
             for (int k = 0; k < limit->nodes; k++) {
-                place_at(work, piece, i, limit->share[k], place);
+                place_at_node(work, piece[i], passed, i, limit, k, place);
                 limit->value(place, 0, 0, value);
                 for (int r = 0; r < limit->sides; r++)
                     *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening[q];
@@ -141,12 +194,22 @@ void gbt_differentiate(gbt_workspace *work)
     gbt_real *jacobian = work->jacobian;
     gbt_objective_slopes(work);
     for (int i = 0; i < work->pieces; i++) {
+#if GBT_STEPS > 1
+        gbt_passed_slopes(work->piece[i], work->passed[i], work->along[i]);
+        gbt_end_slopes(work->along[i][GBT_STEPS], work->slopes[i]);
+#else
         gbt_stage_slopes(work->piece[i], 0, 0, &work->slopes[i][0][0]);
+#endif
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
             for (int k = 0; k < limit->nodes; k++) {
-                place_at(work, work->piece, i, limit->share[k], place);
+                place_at_node(work, work->piece[i], PASSED_STATES(work), i, limit, k, place);
                 limit->jacobian(place, 0, 0, jacobian);
+#if GBT_STEPS > 1
+                if (limit->moved)
+                    for (int r = 0; r < limit->rows; r++)
+                        gbt_chained(work->along[i][step_of(limit, k)], jacobian + r * GBT_PIECE);
+#endif
                 jacobian += limit->jacobian_entries;
             }
         }
@@ -200,6 +263,12 @@ void gbt_assemble(gbt_workspace *work)
     gbt_real place[GBT_PLACE], entry[GBT_ENTRIES], weights[2 * GBT_ROWS];
     const gbt_real *lambda = work->lambda, *sigma = work->sigma, *jacobian = work->jacobian;
     gbt_real weight[GBT_TERMS];
+#if GBT_STEPS > 1
+    gbt_real push[GBT_PIECES][GBT_STEPS + 1][GBT_LAST], slopes[GBT_ROWS * GBT_PIECE];
+    for (int i = 0; i < work->pieces; i++)
+        for (int k = 0; k <= GBT_STEPS; k++)
+            for (int a = 0; a < GBT_LAST; a++) push[i][k][a] = k < GBT_STEPS ? 0 : work->pull[i + 1][a];
+#endif
 
     for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
     for (int i = 0; i <= work->pieces; i++)
@@ -209,7 +278,9 @@ void gbt_assemble(gbt_workspace *work)
         gbt_objective.hessian(seen_by_objective(work->piece, i), work->parameters + i * GBT_END_NUMBERS, weight, entry);
         add(entry, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column,
             work->curvature[i + GBT_COST_AT_END]);
+#if GBT_STEPS == 1
         gbt_stage_curvature(work->piece[i], work->pull[i + 1], 0, work->bend[i]);
+#endif
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
             for (int k = 0; k < limit->nodes; k++) {
@@ -218,7 +289,20 @@ void gbt_assemble(gbt_workspace *work)
                     weights[limit->row[r]] += limit->sign[r] * *lambda++;
                     weights[limit->rows + limit->row[r]] += *sigma++;
                 }
-                place_at(work, work->piece, i, limit->share[k], place);
+                place_at_node(work, work->piece[i], PASSED_STATES(work), i, limit, k, place);
+#if GBT_STEPS > 1
+                if (limit->moved) {
+                    const int node = step_of(limit, k);
+                    limit->jacobian(place, 0, 0, slopes);
+                    limit->curvature(place, weights, slopes, entry);
+                    for (int r = 0; r < limit->rows; r++)
+                        for (int a = 0; a < GBT_LAST; a++) push[i][node][a] += weights[r] * slopes[r * GBT_PIECE + a];
+                    gbt_add_chained(work->along[i][node], entry, limit->curvature_entries, limit->curvature_row,
+                                    limit->curvature_column, work->curvature[i]);
+                    jacobian += limit->jacobian_entries;
+                    continue;
+                }
+#endif
                 limit->curvature(place, weights, jacobian, entry);
                 jacobian += limit->jacobian_entries;
                 add(entry, limit->curvature_entries, limit->curvature_row, limit->curvature_column,
@@ -226,6 +310,10 @@ void gbt_assemble(gbt_workspace *work)
             }
         }
     }
+#if GBT_STEPS > 1
+    for (int i = 0; i < work->pieces; i++)
+        gbt_flow_bend(work->piece[i], work->passed[i], work->along[i], push[i], work->bend[i]);
+#endif
 }
 
 #if GBT_SUMS

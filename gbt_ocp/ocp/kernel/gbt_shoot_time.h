@@ -36,15 +36,6 @@ gbt_status gbt_plan_prepare(gbt_planner *planner)
     return planner->ready ? GBT_SOLVED : GBT_NUMERICAL_FAILURE;
 }
 
-/* Cuts the inputs of a piece to what there is. */
-static void cut(gbt_real *inputs)
-{
-    for (int a = 0; a < GBT_FREE; a++) {
-        const gbt_real most = gbt_thrust_max[a % GBT_INPUTS];
-        inputs[a] = inputs[a] > most ? most : inputs[a] < -most ? -most : inputs[a];
-    }
-}
-
 /* One Newton step from what is prepared, for a start and the present numbers, and a few iterations more. */
 static gbt_status feedback(gbt_planner *planner, const gbt_real *start, gbt_plan_result *plan)
 {
@@ -59,7 +50,7 @@ static gbt_status feedback(gbt_planner *planner, const gbt_real *start, gbt_plan
     for (int a = 0; a < GBT_STATE; a++) work->trial[0][a] = start[a];
     for (int i = 0; i < GBT_PIECES; i++) {
         gbt_follow_gains(work, i, 1, work->trial[i], gbt_free(work->trial[i], 0));
-        cut(gbt_free(work->trial[i], 0));
+        gbt_admit(work->trial[i]);
         gbt_next_piece(work->trial[i], work->trial[i + 1]);
     }
     for (int i = 0; i < GBT_PIECES; i++)
@@ -69,7 +60,10 @@ static gbt_status feedback(gbt_planner *planner, const gbt_real *start, gbt_plan
     more.iterations = 1;
     gbt_minimise(planner->settings.tolerance, MU_IN_TIME, gbt_last_barrier(&planner->settings), MORE, work, &more);
     for (int i = 0; i < GBT_PIECES; i++) {
-        cut(gbt_free(work->piece[i], 0));
+        gbt_admit(work->piece[i]);
+#if GBT_LAST < GBT_STATES
+        gbt_next_piece(work->piece[i], work->piece[i + 1]);
+#endif
         for (int a = 0; a < GBT_FREE; a++) plan->top[i][a] = *gbt_free(work->piece[i], a);
     }
     plan->status = GBT_SOLVED;

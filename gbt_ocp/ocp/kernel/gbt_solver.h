@@ -83,6 +83,10 @@ typedef struct {
 #if GBT_SHOOTING
     gbt_real slopes[GBT_PIECES][GBT_STATE][GBT_PIECE]; /* of the state at the end of each piece */
     gbt_real bend[GBT_PIECES][GBT_ENTRIES]; /* its Hessians times the multipliers of the dynamics */
+#if GBT_STEPS > 1
+    gbt_real passed[GBT_PIECES][GBT_STEPS + 1][GBT_LAST]; /* states after the steps, and their derivatives */
+    gbt_real along[GBT_PIECES][GBT_STEPS + 1][GBT_LAST][GBT_PIECE];
+#endif
 #endif
     /* the Riccati recursion */
     gbt_real factor[GBT_PIECES][GBT_FREE][GBT_FREE];

@@ -1,0 +1,64 @@
+"""What the name of a vehicle brings along: its kind, and for one that is not flat the form and limits of its plans."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from gbt_ocp.experiments.config.faults import NOTHING, value_at
+from gbt_ocp.experiments.config.overlay import overlaid
+from gbt_ocp.experiments.config.vehicle import KNOWN_BY_NAME
+
+CROSSING = {"startup_deviation": 0.12, "startup_opening": 0.0, "startup_leg_s": 20.0}
+"""How such a vehicle crosses the line of sight, where a problem has it do so: it is slow and turns slowly, so its legs
+are longer, none of its speed leads away, and plans begin when the standoff leaves them room."""
+
+RESOLVED = 2.1
+"""Decay over a Runge-Kutta step that is allowed; beyond 2.78 steps are unstable."""
+
+
+def choose_vehicle(values: dict[str, Any]) -> None:
+    """Complete a layer of a configuration, in place, whose ``vehicle.model`` says which kind of vehicle it is."""
+    vehicle = values.get("vehicle")
+    name = vehicle.get("model") if isinstance(vehicle, dict) else None
+    if not isinstance(name, str) or not isinstance(vehicle, dict):
+        return
+    if name in KNOWN_BY_NAME:
+        vehicle.setdefault("kind", "fossen")
+        vehicle["parameters"] = vehicle.pop("model")
+    else:
+        vehicle.setdefault("kind", "driven")
+
+
+def driven_defaults(name: str, beneath: Mapping[str, Any], written: Mapping[str, Any]) -> dict[str, Any]:
+    """Form and Runge-Kutta steps of the plans of a vehicle that is not flat, and limits of its own.
+
+    Parameters
+    ----------
+    name
+        One of :data:`gbt_ocp.models.KNOWN_DRIVEN`.
+    beneath
+        The layers below: its limits join those that are hard there.
+    written
+        What is written, for the length of a piece.
+    """
+    from gbt_ocp.models.known_vehicles import KNOWN_DRIVEN  # which loads CasADi
+
+    known, merged = KNOWN_DRIVEN[name], overlaid(beneath, written, ())
+    limits: dict[str, Any] = {"input_rate": list(known.rate_max)}
+    names = ["input_rate"]
+    if known.speed_min > 0.0:
+        limits |= {"speed_min": known.speed_min, "turn_radius_m": known.turn_radius}
+        names += ["speed_min", "turn_radius"]
+    hard = value_at(beneath, ("limits", "hard"))
+    limits["hard"] = [*(hard if isinstance(hard, list | tuple) else ()), *names]
+    given = (value_at(merged, path) for path in (("planner", "period_s"), ("sensor", "period_s")))
+    period = next((value for value in given if isinstance(value, int | float) and 0.0 < value < 1e3), 0.1)
+    steps = max(1, math.ceil(known.quickest * period / RESOLVED))
+    defaults: dict[str, Any] = {"planner": {"form": "shooting", "steps": steps}, "limits": limits}
+    if value_at(beneath, ("guidance", "startup_deviation")) not in (NOTHING, 0.0):
+        defaults["guidance"] = CROSSING | {"startup_speed": round(0.97 * known.speed, 2)}
+    if known.turn_radius > 0.0 and value_at(beneath, ("desired_bearing", "reverse_s")) is not NOTHING:
+        defaults["desired_bearing"] = {"reverse_s": None}  # turns that are long: it circles
+    return defaults
