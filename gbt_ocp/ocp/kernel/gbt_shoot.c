@@ -93,17 +93,17 @@ static void place_at(const gbt_workspace *work, gbt_piece piece[], int i, gbt_re
     gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, share, place);
 }
 
-gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
+gbt_real gbt_evaluate(gbt_workspace *work, gbt_piece piece[], gbt_real *y)
 {
-    gbt_real place[GBT_PLACE], value[GBT_ROWS], f = 0;
+    gbt_real value[GBT_ROWS], (*place)[GBT_PLACE] = work->place, f = 0;
     for (int i = 0; i < work->pieces; i++) {
         gbt_objective.value(seen_by_objective(piece, i), work->parameters + i * GBT_END_NUMBERS, 0, value);
         f -= value[0];
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
-            for (int k = 0; k < limit->nodes; k++) {
-                place_at(work, piece, i, limit->share[k], place);
-                limit->value(place, 0, 0, value);
+            for (int k = 0; k < limit->nodes; k++, place++) {
+                place_at(work, piece, i, limit->share[k], *place);
+                limit->value(*place, 0, 0, value);
                 for (int r = 0; r < limit->sides; r++)
                     *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening[q];
             }
@@ -126,16 +126,14 @@ void gbt_objective_slopes(gbt_workspace *work)
 
 void gbt_differentiate(gbt_workspace *work)
 {
-    gbt_real place[GBT_PLACE];
-    gbt_real *jacobian = work->jacobian;
+    gbt_real *jacobian = work->jacobian, (*place)[GBT_PLACE] = work->place;
     gbt_objective_slopes(work);
     for (int i = 0; i < work->pieces; i++) {
         gbt_stage_slopes(work->piece[i], 0, 0, &work->slopes[i][0][0]);
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
-            for (int k = 0; k < limit->nodes; k++) {
-                place_at(work, work->piece, i, limit->share[k], place);
-                limit->jacobian(place, 0, 0, jacobian);
+            for (int k = 0; k < limit->nodes; k++, place++) {
+                limit->jacobian(*place, 0, 0, jacobian);
                 jacobian += limit->jacobian_entries;
             }
         }
@@ -186,7 +184,7 @@ static void add(const gbt_real *entry, int entries, const int *rows, const int *
 /* Only the lower triangles. */
 void gbt_assemble(gbt_workspace *work)
 {
-    gbt_real place[GBT_PLACE], entry[GBT_ENTRIES], weights[2 * GBT_ROWS];
+    gbt_real entry[GBT_ENTRIES], weights[2 * GBT_ROWS], (*place)[GBT_PLACE] = work->place;
     const gbt_real *lambda = work->lambda, *sigma = work->sigma, *jacobian = work->jacobian;
     const gbt_real weight = -1;
 
@@ -206,8 +204,7 @@ void gbt_assemble(gbt_workspace *work)
                     weights[limit->row[r]] += limit->sign[r] * *lambda++;
                     weights[limit->rows + limit->row[r]] += *sigma++;
                 }
-                place_at(work, work->piece, i, limit->share[k], place);
-                limit->curvature(place, weights, jacobian, entry);
+                limit->curvature(*place++, weights, jacobian, entry);
                 jacobian += limit->jacobian_entries;
                 add(entry, limit->curvature_entries, limit->curvature_row, limit->curvature_column,
                     work->curvature[i]);
