@@ -18,7 +18,7 @@ import gbt_ocp as gbt
 from gbt_ocp.guidance.information import CRITERIA
 
 OBJECTIVES = ["similarity", *(name if name == "condition_number" else f"fisher_{name}" for name in CRITERIA)]
-OBJECTIVES.append("posterior_variance")
+OBJECTIVES += ["motion_logdet", "motion_trace", "posterior_variance"]
 SOLVER = ("solver_success_rate", "solver_iterations_mean", "solver_time_median_ms")
 NEAR = ("similarity_mean_second_half", "error_settled", "distance_median", *SOLVER)
 AT_SEA = ("relative_error", "relative_error_10s", "distance_min", "distance_median", "steps_below_standoff", *SOLVER)

@@ -2,6 +2,7 @@
 
     python scripts/everything.py --out runs/everything          # the same command goes on where it stopped
     python scripts/everything.py --out runs/everything --data docs/data      # and writes the tables that pages quote
+    python scripts/everything.py --out runs/quick --quick       # a tenth of the seeds, runs and problems
     python scripts/everything.py --list
     python scripts/everything.py --out runs/everything --only theory_coverage test_faults
     python scripts/everything.py --out runs/everything --tracks FOLDER   # with CSV files of recorded tracks
@@ -20,7 +21,7 @@ import platform
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -46,6 +47,35 @@ class Job:
     name: str
     command: tuple[str, ...]
     minutes: float | None = None
+
+
+COUNTS = {"--seeds", "--runs", "--problems", "--printed", "--ipopt"}
+"""Options of the commands that say how often something is done."""
+
+
+def quick(job: Job) -> Job:
+    """The same with a tenth of its counts, at least one each; ``gbt-ocp benchmark`` has an option of its own for it."""
+    before = ("", *job.command)
+    command = [
+        str(max(1, round(int(part) / 10))) if option in COUNTS and part.isdigit() else part
+        for option, part in zip(before, job.command, strict=False)
+    ]
+    if "benchmark" in job.command:
+        command.append("--quick")
+    return replace(job, command=tuple(command))
+
+
+def going_on(arguments: Sequence[str]) -> list[str]:
+    """Arguments that go on in a folder that was begun, where a command has an option for that."""
+    found = list(arguments)
+    if "reproduce" in found and Path(found[found.index("--out") + 1]).exists():
+        found[found.index("--out")] = "--resume"
+    return found
+
+
+def own(*arguments: str) -> tuple[str, ...]:
+    """The arguments of a command of ``gbt-ocp``."""
+    return ("-m", "gbt_ocp.cli", *arguments, "--quiet")
 
 
 def benchmark(script: str, *arguments: str, name: str = "", minutes: float | None = None) -> Job:
@@ -81,12 +111,33 @@ BENCHMARKS = (
     benchmark("single_precision"),
     benchmark("sweep_rate"),
     benchmark("closed_loop", "--seeds", "10", "--jobs", "2", "--out", f"{OUT}/results.md"),
-    Job("public_scenarios", ("-m", "gbt_ocp.cli", "benchmark", "--quiet", "--out", f"{OUT}/benchmark")),
+    Job("public_scenarios", own("benchmark", "--out", f"{OUT}/benchmark")),
+    Job("paper", own("reproduce", "all", "--runs", "50", "--out", f"{OUT}/paper")),
+    Job(
+        "comparison",
+        own("compare", "case2", "case3", "case5", "case6", "--runs", "10", "--problems", "200", "--out", f"{OUT}/all"),
+    ),
+    Job(
+        "comparison_sea",
+        own(
+            *("compare", "sea2d", "sea3d", "--solvers", "compiled", "--runs", "10", "--problems", "100"),
+            *("--set", "duration_s=120", "--out", f"{OUT}/sea"),
+        ),
+    ),
     benchmark("recorded_tracks", TRACKS, "--seeds", "3"),
-    Job("sea_run", ("-m", "gbt_ocp.cli", "run", "sea2d", "--quiet", "--out", f"{OUT}/run")),
+    Job("sea_run", own("run", "sea2d", "--out", f"{OUT}/run")),
     benchmark(
         "sea_open_loop",
         *("sea2d", "sea2d_speed", "sea3d", "sea3d_speed", "--seeds", "6", "--out", f"{OUT}/open_loop.jsonl"),
+    ),
+    benchmark(
+        "sea_plans",
+        *("sea2d", "sea3d", "sea2d_speed", "sea3d_speed", "--seeds", "20", "--jobs", "1", "--out", f"{OUT}/runs"),
+    ),
+    benchmark(
+        "sea_plans",
+        *("sea2d", "sea3d", "--effort", "0", "0.1", "0.3", "--seeds", "20", "--out", f"{OUT}/runs"),
+        name="sea_effort",
     ),
     benchmark(
         "sea_closed_loop",
@@ -134,7 +185,7 @@ def carry_out(job: Job, out: Path, tracks: str) -> dict[str, Any]:
     folder = out / job.name
     folder.mkdir(parents=True, exist_ok=True)
     values = {OUT: str(folder), TRACKS: tracks}
-    arguments = [_filled(part, values) for part in job.command]
+    arguments = going_on([_filled(part, values) for part in job.command])
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
     described = machine()
     before, began, used = _load(), perf_counter(), os.times()
@@ -228,6 +279,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these alone")
     parser.add_argument("--tracks", metavar="FOLDER", default="", help="recorded tracks, CSV files with t,x,y")
     parser.add_argument("--data", type=Path, metavar="FOLDER", help="write the tables there too: docs/data")
+    parser.add_argument("--quick", action="store_true", help="a tenth of the seeds, runs and problems")
     parser.add_argument("--list", action="store_true", help="show what there is")
     arguments = parser.parse_args(argv)
     if arguments.list:
@@ -251,10 +303,10 @@ def main(argv: Sequence[str] | None = None) -> int:
                 print(f"{job.name}: needs --tracks, left out", file=sys.stderr)
                 continue
             print(f"{job.name}: runs", file=sys.stderr, flush=True)
-            found = carry_out(job, out, arguments.tracks)
+            found = carry_out(quick(job) if arguments.quick else job, out, arguments.tracks)
             print(f"{job.name}: exit code {found['exit']}, {found['processor_s']:.0f} s of processor", file=sys.stderr)
             write_summary(out)
-            if arguments.data and not found["exit"]:
+            if arguments.data and not found["exit"] and not arguments.quick:
                 write_tables(job, out, arguments.data.resolve())
             failed += [job.name] if found["exit"] else []
     except KeyboardInterrupt:

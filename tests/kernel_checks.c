@@ -43,10 +43,33 @@ static void spread(const double *dx)
     gbt_propagate(work.step, GBT_PIECES);
 }
 
-/* The Hessian with respect to all that is free, dense, from the ones of the pieces. */
+/* What the sums gain to first order by a change of the trajectory, of which the ends of the pieces are given. */
+static void gain_of_sums(double ends[GBT_PIECES][GBT_ORDERS][GBT_FLAT], double *out)
+{
+    (void)ends;
+    (void)out;
+#if GBT_SUMS
+    for (int k = 0; k < GBT_SUMS; k++) out[k] = 0;
+    for (int i = 0; i < GBT_PIECES; i++)
+        for (int b = 0; b < GBT_SUM_COLUMNS; b++)
+            for (int k = 0; k < GBT_SUMS; k++)
+                out[k] += work.sum_slopes[i][b][k] * (&ends[i][0][0])[gbt_of_sums.column[b]];
+#endif
+}
+
+static double bond(int a, int b)
+{
+#if GBT_SUMS
+    return work.bond[a][b];
+#else
+    return a + b;
+#endif
+}
+
+/* The Hessian with respect to all that is free, dense, from the ones of the pieces and that of the sums. */
 static void dense(double delta, double h[N][N])
 {
-    static double change[N][GBT_PIECES][GBT_PIECE], ends[N][GBT_PIECES][GBT_ORDERS][GBT_FLAT];
+    static double change[N][GBT_PIECES][GBT_PIECE], ends[N][GBT_PIECES][GBT_ORDERS][GBT_FLAT], sums[N][GBT_TERMS];
     for (int a = 0; a < N; a++) {
         double dx[N] = {0};
         dx[a] = 1;
@@ -55,6 +78,7 @@ static void dense(double delta, double h[N][N])
         for (int i = 0; i < GBT_PIECES; i++) {
             gbt_next_piece(work.step[i], ends[a][i]);
         }
+        gain_of_sums(ends[a], sums[a]);
     }
     for (int a = 0; a < N; a++)
         for (int b = 0; b < N; b++) {
@@ -74,6 +98,8 @@ static void dense(double delta, double h[N][N])
                 for (int k = 0; k < GBT_PIECE; k++)
                     for (int l = 0; l < GBT_PIECE; l++)
                         h[a][b] += change[a][i][k] * work.curvature[i][k][l] * change[b][i][l];
+            for (int k = 0; k < GBT_SUMS; k++)
+                for (int l = 0; l < GBT_SUMS; l++) h[a][b] += sums[a][k] * bond(k, l) * sums[b][l];
         }
 }
 

@@ -169,6 +169,14 @@ def test_an_interrupted_comparison_goes_on_where_it_stopped(few, tmp_path, monke
         asked("again")
 
 
+def test_a_formulation_that_no_chosen_solver_solves_is_refused():
+    with pytest.raises(
+        gbt.ConfigurationError, match="found 'penalty', which no solver of compiled solves; allowed: elastic"
+    ):
+        treatments.chosen_pairs(["penalty", "hard"], ["compiled"])
+    assert treatments.chosen_pairs(FORMULATIONS, ["compiled"])
+
+
 def test_slow_pairs_get_a_share_of_the_work_unless_all_is_asked_for():
     configurations = load_config("case2"), load_config("case3")
     # mixed is for limits on the target, which these have not

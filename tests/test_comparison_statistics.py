@@ -161,8 +161,8 @@ def test_a_run_that_goes_astray_is_not_left_out():
     assert np.isnan(hard["error_settled_worst"])
     assert np.isnan(hard["violation_max"])
     text = " ".join(verdict(all_tables([*LOOPS, astray]), [PENALTY, HARD]))
-    assert "case2 0.03 (1 of 4 seeds astray)" in text
-    assert "executed thrust above its limit by no finite number" in text
+    assert "0.03 m (1 of 4 seeds astray) in case2" in text
+    assert "broke a limit of the thrust by no finite number" in text
 
 
 def test_every_sentence_names_a_table_that_there_is():
@@ -188,8 +188,8 @@ def test_sentences_follow_from_the_numbers(tmp_path):
     assert "penalty, ipopt: solved 75 % of each set, median 100 ms, 99 % 876 ms" in text
     assert "true limits broken between the nodes in 1 of 4 solutions, by 2 % at most" in text
     assert "better in 1, equal in 1 and worse in 1 of the 3 problems that both solved" in text
-    assert "fallbacks 6 braking in 903 steps" in text
-    assert "settled error in m case2 0.03;" in text
+    assert "needed fallbacks in some of 903 steps (6 braking)" in text
+    assert "settles at an error of 0.03 m in case2, " in text
     assert (
         "1 of 1 differences over several seeds have a 95 % interval without zero; the largest of all is -0.48 m" in text
     )

@@ -40,6 +40,22 @@ def test_options_are_those_of_the_scripts(everything):
                 assert f'"{option}"' in text, job
 
 
+def test_a_tenth_of_all_counts_is_quick(everything):
+    for job in everything.BENCHMARKS:
+        shorter = everything.quick(job).command
+        for option, full, few in zip(job.command, job.command[1:], shorter[1:], strict=False):
+            expected = str(max(1, round(int(full) / 10))) if option in everything.COUNTS else full
+            assert few == expected, job
+    (scenarios,) = (everything.quick(job) for job in everything.BENCHMARKS if job.name == "public_scenarios")
+    assert "--quick" in scenarios.command
+
+
+def test_a_study_of_the_paper_goes_on_in_its_folder(everything, tmp_path):
+    begun = ["-m", "gbt_ocp.cli", "reproduce", "all", "--out", str(tmp_path)]
+    assert everything.going_on(begun)[-2:] == ["--resume", str(tmp_path)]
+    assert everything.going_on([*begun[:-1], str(tmp_path / "new")])[-2] == "--out"
+
+
 def test_what_is_finished_is_kept_and_what_failed_is_run_again(everything, tmp_path, monkeypatch, capsys):
     marks = tmp_path / "marks"
     script = "import pathlib, sys; p = pathlib.Path(sys.argv[1]); p.open('a').write(sys.argv[2]); print('said')"

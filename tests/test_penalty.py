@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from gbt_ocp.ocp.transcription import continuation, smoothed_hinge, trapezoid_weights
+from gbt_ocp.ocp.solvers.ipopt import continuation
+from gbt_ocp.ocp.transcription import smoothed_hinge, trapezoid_weights
 
 every_width = pytest.mark.parametrize("width", [0.01, 1.0, 10.0])
 

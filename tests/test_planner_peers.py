@@ -95,7 +95,10 @@ def test_held_acceleration_is_judged_on_its_parabolas(dimension):
     assert found == pytest.approx(peak, rel=1e-10)
 
 
-@pytest.mark.parametrize(("name", "module"), [("opti", "casadi"), ("rockit", "rockit"), ("do_mpc", "do_mpc")])
+PEERS = [("alpaqa", "alpaqa"), ("fatrop", "casadi"), ("opti", "casadi"), ("rockit", "rockit"), ("do_mpc", "do_mpc")]
+
+
+@pytest.mark.parametrize(("name", "module"), PEERS)
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_peer_reaches_what_our_multiple_shooting_reaches(name, module, dimension):
     with warnings.catch_warnings():

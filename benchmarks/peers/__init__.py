@@ -3,6 +3,6 @@
 Each of the modules here holds one package: a function ``build(statement)`` that returns a :class:`Peer`.
 """
 
-from peers.statement import NAMES, Answer, Peer, Statement, make
+from peers.statement import NAMES, PACKAGES, Answer, Peer, Statement, make
 
-__all__ = ["NAMES", "Answer", "Peer", "Statement", "make"]
+__all__ = ["NAMES", "PACKAGES", "Answer", "Peer", "Statement", "make"]

@@ -15,7 +15,7 @@ class OptiPeer:
     """The problem in Opti."""
 
     def __init__(self, statement: Statement) -> None:
-        p, h = statement.pieces, statement.period
+        p = statement.pieces
         rates, cost = statement.functions()
         self._opti = opti = ca.Opti()
         self._x, self._u = opti.variable(statement.states, p + 1), opti.variable(statement.inputs, p)
@@ -23,11 +23,7 @@ class OptiPeer:
         total = 0
         for k in range(p):
             x, u = self._x[:, k], self._u[:, k]
-            k1 = rates(x, u)
-            k2 = rates(x + h / 2 * k1, u)
-            k3 = rates(x + h / 2 * k2, u)
-            k4 = rates(x + h * k3, u)
-            opti.subject_to(self._x[:, k + 1] == x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
+            opti.subject_to(self._x[:, k + 1] == statement.after_a_period(rates, x, u))
             total += cost(self._x[:, k + 1], self._given[:, k])
         opti.minimize(total)
         opti.subject_to(opti.bounded(-statement.limit, ca.vec(self._u), statement.limit))

@@ -19,8 +19,13 @@ from gbt_ocp.models.vehicles import acceleration
 from gbt_ocp.ocp import ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.transcription import objective_function
 
-NAMES = {"opti": "CasADi Opti", "rockit": "rockit", "do_mpc": "do-mpc"}
+NAMES = {
+    "alpaqa": "alpaqa PANOC", "fatrop": "fatrop", "opti": "CasADi Opti", "rockit": "rockit", "do_mpc": "do-mpc",
+}  # fmt: skip
 """Modules here, and what the tables call them."""
+
+PACKAGES = {"alpaqa": "alpaqa", "fatrop": "casadi", "opti": "casadi", "rockit": "rockit-meco", "do_mpc": "do-mpc"}
+"""Where they come from."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +85,15 @@ class Statement:
         """:meth:`rates` and :meth:`cost` as functions of x and u, and of x and the parameters."""
         x, u, p = (ca.SX.sym(name, size) for name, size in zip("xup", self.sizes, strict=True))
         return ca.Function("rates", [x, u], [self.rates(x, u)]), ca.Function("cost", [x, p], [self.cost(x, p)])
+
+    def after_a_period(self, rates: ca.Function, x: Any, u: Any) -> Any:
+        """x a period later under held u: one classical Runge-Kutta step."""
+        h = self.period
+        k1 = rates(x, u)
+        k2 = rates(x + h / 2 * k1, u)
+        k3 = rates(x + h / 2 * k2, u)
+        k4 = rates(x + h * k3, u)
+        return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
     @property
     def sizes(self) -> Sequence[int]:

@@ -32,6 +32,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
 
     from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
     from gbt_ocp.experiments.pilot_in_c import pilot_sources
+    from gbt_ocp.experiments.recorded_pilot import RecordedPilot
     from gbt_ocp.experiments.recorded_steps import recorded_steps
     from gbt_ocp.ocp.codegen.library import CompilerError
     from gbt_ocp.ocp.codegen.problem_source import from_moments
@@ -55,7 +56,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     try:
         problem = build_problem(configuration, build_vehicle(configuration))
         options = options_beside(section.solver, solver, section.solver_options)
-        beside = pilot_sources(configuration) if arguments.pilot else {}
+        beside = pilot_sources(configuration) | RecordedPilot(configuration).files if arguments.pilot else {}
         if solver == "compiled":
             planner = problem.compile(solver, options)
             # of the closed loop; made up only where nothing is planned there, which the moments of a forecast allow
@@ -84,6 +85,8 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     found = verify_folder(arguments.out)
     for line in found.faults:
         remark(line)
+    if found.replayed is not None:
+        show(f"closed loop of the pilot: {found.replayed}")
     show(f"{found.vectors} recorded steps, largest difference {found.difference:.3g}, {len(found.faults)} faults")
     return LIMIT_BROKEN if found.faults else DONE
 
@@ -93,7 +96,7 @@ CODEGEN = Subcommand(
     "write the planner of an experiment as C without dependencies",
     (
         "gbt-ocp codegen case2 --out planner_c --set planner.formulation=hard --verify",
-        "gbt-ocp codegen case2 --out pilot_c --set tracker.kind=ekf --pilot",
+        "gbt-ocp codegen case2 --out pilot_c --pilot --verify",
     ),
     _add_arguments,
     _carry_out,

@@ -23,7 +23,7 @@ from gbt_ocp.ocp.codegen.problem_source import from_moments
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.planner import AnyPlanner
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem
-from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective
+from gbt_ocp.ocp.terms import AnyObjective, Constraint, JointObjective, MovingConstraint
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
 
@@ -141,7 +141,7 @@ def _of_plan(guidance: PlannedMotion, planner: AnyPlanner, start: Array, known: 
     return Remark("plan", f"{text}; objective {plan.objective:.4g}, violation {plan.violation:.2g}", not plan.solved)
 
 
-def _described(term: Objective | JointObjective | Constraint) -> str:
+def _described(term: AnyObjective | Constraint) -> str:
     """Class of a term and the numbers that it needs."""
     shapes = {} if hasattr(term, "lower") and not isinstance(term, MovingConstraint) else term.shapes
     numbers = ", ".join(f"{name} {tuple(shape)}" for name, shape in shapes.items())

@@ -4,11 +4,12 @@ from gbt_ocp.guidance.circumnavigation import Circumnavigation
 from gbt_ocp.guidance.current import Current, CurrentObserver, KnownCurrent
 from gbt_ocp.guidance.fim_placement import FimPlacement
 from gbt_ocp.guidance.helical import HelicalGuidance
-from gbt_ocp.guidance.information import FisherInformation, NearInformation, PosteriorVariance
+from gbt_ocp.guidance.information import FisherInformation, NearInformation
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull, sigma_points
 from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
 from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
 from gbt_ocp.guidance.past import PastBearings
+from gbt_ocp.guidance.path_information import MotionInformation, PosteriorVariance
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.standoff import RangeOfHypotheses, ReachableRange
 from gbt_ocp.guidance.startup import CrossFirst
@@ -31,6 +32,7 @@ __all__ = [
     "HelicalGuidance",
     "InWater",
     "KnownCurrent",
+    "MotionInformation",
     "NearInformation",
     "OverGround",
     "PacedBearing",

@@ -8,15 +8,16 @@ endpoint of the plan.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 
 from gbt_ocp.guidance.objectives import NEAR
-from gbt_ocp.models.sizes import at_least, positive
+from gbt_ocp.models.sizes import positive
 from gbt_ocp.ocp.terms import Moments, needed
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.typing import Array
@@ -40,6 +41,18 @@ def power(matrix: Any, exponent: int) -> Any:
     while exponent > 1:
         matrix, exponent = ca.mtimes(matrix, matrix), exponent // 2
     return matrix
+
+
+def packed(matrix: Any) -> Any:
+    """Lower triangle of a symmetric matrix ``(n, n)`` as a CasADi column, row by row."""
+    return ca.vertcat(*(matrix[row, column] for row in range(matrix.shape[0]) for column in range(row + 1)))
+
+
+def unpacked(entries: Any) -> Any:
+    """The symmetric matrix of a lower triangle ``(n (n+1)/2,)``."""
+    size = math.isqrt(2 * entries.shape[0])
+    first = [row * (row + 1) // 2 for row in range(size)]
+    return ca.vertcat(*(ca.horzcat(*(entries[first[max(a, b)] + min(a, b)] for b in range(size))) for a in range(size)))
 
 
 def smooth_largest(matrix: Any) -> Any:
@@ -89,7 +102,7 @@ class FisherInformation:
 
     @property
     def shapes(self) -> Mapping[str, tuple[int, int]]:
-        """The predicted mean, and the past, which is the same at every endpoint."""
+        """The predicted mean, and what the past adds."""
         return {"mean": (self.dimension, 1), "past": (self.dimension, self.dimension)}
 
     def one_bearing(self, line: Any) -> Any:
@@ -106,12 +119,15 @@ class FisherInformation:
             return 1.0
         return self.reference**2 / (range_**2 + (SOFTENING * self.reference) ** 2)
 
-    def total(self, points: Sequence[FlatPoint], parameters: Sequence[Mapping[str, Any]]) -> Any:
+    def accumulated(self, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
+        """Lower triangle of the information of one bearing, and one for the bearing itself ``(d (d+1)/2 + 1,)``."""
+        matrix = parameters["past"] + self.one_bearing(parameters["mean"] - point.z[: self.dimension])
+        return ca.vertcat(packed(matrix), 1.0)
+
+    def of_sums(self, sums: Any) -> Any:
         """The criterion of all bearings, a CasADi scalar."""
-        count, d = len(points), self.dimension
-        matrix = parameters[0]["past"] + FLOOR * ca.DM.eye(d)
-        for point, given in zip(points, parameters, strict=True):
-            matrix = matrix + self.one_bearing(given["mean"] - point.z[:d])
+        d, count = self.dimension, sums[-1]
+        matrix = unpacked(sums[:-1]) + FLOOR * ca.SX.eye(d)
         if self.criterion == "trace":
             return ca.trace(matrix) / d
         if self.criterion == "logdet":
@@ -121,11 +137,11 @@ class FisherInformation:
         return count * (ca.log(smooth_smallest(matrix)) - ca.log(smooth_largest(matrix)))
 
     def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
-        """Means ``(p, d, 1)`` and the past ``(p, d, d)``."""
+        """Means ``(p, d, 1)`` and the past ``(p, d, d)``, which is added at the first endpoint."""
         forecast: Moments = needed(data, "forecast", self)
-        past = np.asarray(needed(data, "past", self), dtype=float)
-        mean = np.asarray(forecast.mean[:pieces], dtype=float)[..., None]
-        return {"mean": mean, "past": np.tile(past, (pieces, 1, 1))}
+        past = np.zeros((pieces, self.dimension, self.dimension))
+        past[0] = np.asarray(needed(data, "past", self), dtype=float)
+        return {"mean": np.asarray(forecast.mean[:pieces], dtype=float)[..., None], "past": past}
 
 
 @dataclass(frozen=True)
@@ -172,94 +188,3 @@ class NearInformation:
     def from_moments(self, mean: Any, root: Any, desired: Any) -> Mapping[str, Any]:
         """The mean of the forecast."""
         return {"mean": mean}
-
-
-@dataclass(frozen=True)
-class PosteriorVariance:
-    """How well the target's position at the end of the plan is known after the planned bearings (``eq17``).
-
-    ``-(p/2) log tr Σ(t_p)``, where Σ is the covariance of a Gaussian process after the window's bearings and one more
-    at each endpoint, perpendicular to the line of sight to the forecast's mean. It does not depend on what will be
-    measured, so it is the posterior's own, exactly, for a vehicle that sees the target where it is expected. Needs
-    ``forecast`` and ``joint`` (:class:`JointMoments` at the endpoints).
-
-    Parameters
-    ----------
-    dimension
-        d.
-    pieces
-        p, the endpoints of the plan.
-
-    Raises
-    ------
-    ValueError
-        If ``pieces`` is not a whole number from 1 on.
-    """
-
-    dimension: int
-    pieces: int
-
-    def __post_init__(self) -> None:
-        at_least("pieces", self.pieces, 1)
-
-    @property
-    def shapes(self) -> Mapping[str, tuple[int, int]]:
-        """Mean, covariance with the position at every endpoint, and the two parts of a bearing's variance."""
-        d = self.dimension
-        return {"mean": (d, 1), "covariance": (d, self.pieces * d), "variance": (2, 1)}
-
-    def total(self, points: Sequence[FlatPoint], parameters: Sequence[Mapping[str, Any]]) -> Any:
-        """``-(p/2) log tr Σ(t_p)``, a CasADi scalar."""
-        d, count = self.dimension, len(points)
-        joint = ca.vertcat(*(given["covariance"] for given in parameters))
-        rows, noises = [], []
-        for number, (point, given) in enumerate(zip(points, parameters, strict=True)):
-            line = given["mean"] - point.z[:d]
-            variance = given["variance"][0] + given["variance"][1] * ca.sumsqr(line)
-            for across in tangents(line):
-                row = [ca.SX.zeros(1, d)] * count
-                row[number] = across.T
-                rows.append(ca.horzcat(*row))
-                noises.append(variance)
-        seen = ca.vertcat(*rows)
-        cross = ca.mtimes(seen, joint)
-        factor = ca.chol(ca.mtimes(cross, seen.T) + ca.diag(ca.vertcat(*noises)))
-        known = ca.solve(factor.T, cross[:, -d:])
-        left = ca.trace(joint[-d:, -d:]) - ca.sumsqr(known)
-        return -0.5 * count * ca.log(left)
-
-    def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
-        """Means ``(p, d, 1)``, covariances ``(p, d, p d)`` and variances ``(p, 2, 1)``."""
-        forecast: Moments = needed(data, "forecast", self)
-        joint: JointMoments = needed(data, "joint", self)
-        d = self.dimension
-        mean = np.asarray(forecast.mean[:pieces], dtype=float)[..., None]
-        covariance = np.asarray(joint.covariance, dtype=float).reshape(pieces, d, pieces * d)
-        variance = np.array([[joint.floor], [joint.angle_variance]], dtype=float)
-        return {"mean": mean, "covariance": covariance, "variance": np.tile(variance, (pieces, 1, 1))}
-
-
-class JointMoments(Protocol):
-    """What a Gaussian process knows of the positions at the endpoints together, and of the bearings to come.
-
-    Attributes
-    ----------
-    covariance
-        ``(p, d, p, d)`` in m².
-    floor, angle_variance
-        A bearing's variance across the line of sight at a range r is ``floor + angle_variance r²``, in m² and rad².
-    """
-
-    covariance: Array
-    floor: float
-    angle_variance: float
-
-
-def tangents(line: Any) -> list[Any]:
-    """Unit vectors ``(d,)`` across a line ``(d,)`` and each other; in space undefined along the vertical."""
-    level = ca.sqrt(line[0] ** 2 + line[1] ** 2 + NEAR**2)
-    if line.numel() == 2:
-        return [ca.vertcat(-line[1], line[0]) / level]
-    length = ca.sqrt(ca.sumsqr(line) + NEAR**2)
-    first = ca.vertcat(-line[1], line[0], 0.0) / level
-    return [first, ca.cross(line / length, first)]

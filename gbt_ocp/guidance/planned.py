@@ -17,6 +17,7 @@ from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.planner import AnyPlanner
 from gbt_ocp.ocp.shooting import ShootingPlanner
+from gbt_ocp.tracking.path_belief import PathForecast
 from gbt_ocp.tracking.protocol import Forecast, JointForecast, WeighedForecasts
 from gbt_ocp.typing import Array
 
@@ -50,6 +51,8 @@ class PlannedMotion:
         What the tracker knows of the positions at the endpoints together, for an objective that needs it.
     hypotheses
         What each of the tracker's hypotheses predicts, for a limit that needs it.
+    path
+        What the tracker believes at a time of the positions at later times together, for an objective that needs it.
 
     Raises
     ------
@@ -68,6 +71,7 @@ class PlannedMotion:
         past: PastBearings | None = None,
         joint: Callable[[ArrayLike], Any] | None = None,
         hypotheses: Callable[[ArrayLike], WeighedForecasts] | None = None,
+        path: PathForecast | None = None,
     ) -> None:
         self.planner = planner
         self.desired = desired
@@ -77,6 +81,7 @@ class PlannedMotion:
         self._past = past
         self._joint = joint
         self._hypotheses = hypotheses
+        self._path = path
         self._seen: Array | None = None
         self._plan: Plan | ShootingPlan | None = None
         self._planned_at = 0.0
@@ -117,27 +122,33 @@ class PlannedMotion:
         d, p = problem.vehicle.position_dimension, problem.pieces
         times = np.arange(p * self._stride + 1)
         mean, covariance = 1.0 + 0.1 * np.outer(times, np.ones(d)), np.tile(np.eye(d), (len(times), 1, 1))
-        nothing_seen = JointForecast(np.eye(p * d).reshape(p, d, p, d), 1.0, 0.0)
-        joint = None if self._joint is None else lambda ends: nothing_seen
-        data, binding = self._data(0.0, Forecast(mean, covariance), joint), Binding(problem)
+        data, binding = self._data(0.0, Forecast(mean, covariance)), Binding(problem)
+        if self._joint is not None:
+            data["joint"] = _nothing_seen(p, d)
+        if self._path is not None:
+            data["path"] = _nothing_seen(2 * p, d)
         binding.objective_parameters(data)
         binding.limit_parameters(data)
 
-    def _data(self, time: float, forecast: Forecast, joint: Callable[[ArrayLike], Any] | None) -> dict[str, Any]:
-        """What a plan at a time is made from, by the names that objectives and limits know it by."""
-        ends = time + self.planner.problem.period * np.arange(1, self.planner.problem.pieces + 1)
+    def _data(self, time: float, forecast: Forecast) -> dict[str, Any]:
+        """What a plan at a time is made from, by the names that objectives and limits know it by.
+
+        What only the tracker can say is not there.
+        """
         # an estimator without a covariance is taken at its word
         covariance = np.nan_to_num(forecast.covariance, nan=0.0)
         data: dict[str, Any] = {
             "forecast": Forecast(forecast.mean[self._stride :: self._stride], covariance[self._stride :: self._stride]),
-            "desired": self.desired(ends),
+            "desired": self.desired(self._ends(time)),
             "present": Forecast(forecast.mean[0], covariance[0]),
         }
         if self._past is not None:
             data["past"] = self._past.information
-        if joint is not None:
-            data["joint"] = joint(ends)
         return data
+
+    def _ends(self, time: float) -> Array:
+        """Times of the endpoints of a plan ``(p,)`` in seconds."""
+        return np.asarray(time + self.planner.problem.period * np.arange(1, self.planner.problem.pieces + 1))
 
     def decide(self, time: float, flat: Array, forecast: Forecast) -> Plan | ShootingPlan:
         """The plan from ``time`` on."""
@@ -162,7 +173,11 @@ class PlannedMotion:
                 self._legs_begun = True
                 self.desired = self.desired.reversing_from(time, line, self._relative_velocity(flat, forecast))
             self.desired = self.desired.beginning_at(time, line)
-        data = self._data(time, forecast, self._joint)
+        data = self._data(time, forecast)
+        if self._joint is not None:
+            data["joint"] = self._joint(self._ends(time))
+        if self._path is not None:
+            data["path"] = self._path(time, self._ends(time))
         if self._hypotheses is not None:
             data["hypotheses"] = self._around(time, forecast, self._hypotheses)
         plan = self.planner.solve(_continued(flat, problem.joined), **data)
@@ -189,6 +204,12 @@ class PlannedMotion:
         """Of the target relative to the vehicle, over the first piece ``(d,)`` in m/s."""
         moved = forecast.mean[min(self._stride, len(forecast.mean) - 1)] - forecast.mean[0]
         return np.asarray(moved / self.planner.problem.period - flat[1, : forecast.mean.shape[1]])
+
+
+def _nothing_seen(times: int, dimension: int) -> JointForecast:
+    """Positions at several times that have nothing to do with each other."""
+    size = times * dimension
+    return JointForecast(np.eye(size).reshape(times, dimension, times, dimension), 1.0, 0.0)
 
 
 def _continued(flat: Array, joined: int) -> Array:

@@ -12,6 +12,8 @@ from gbt_ocp.ocp.shooting_problem import ShootingProblem
 from gbt_ocp.ocp.shot import ShotTrajectory
 from gbt_ocp.ocp.solvers.base import Solution, Solver
 from gbt_ocp.ocp.terms import (
+    AccumulatedObjective,
+    AnyObjective,
     Constraint,
     FromMoments,
     JointObjective,
@@ -26,6 +28,8 @@ from gbt_ocp.ocp.thrust_limits import ThrustEffort, ThrustLimit
 from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory
 
 __all__ = [
+    "AccumulatedObjective",
+    "AnyObjective",
     "AnyPlanner",
     "CompiledOptions",
     "Constraint",

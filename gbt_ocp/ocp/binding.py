@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.problem_data import PosedProblem
 from gbt_ocp.ocp.term_checks import bound_numbers
-from gbt_ocp.ocp.terms import JointObjective, MovingConstraint, Objective
+from gbt_ocp.ocp.terms import AnyObjective, MovingConstraint
 from gbt_ocp.ocp.transcription import limit_size
 from gbt_ocp.typing import Array
 
@@ -53,7 +53,7 @@ class Binding:
             for constraint in self.problem.constraints
         ]
 
-    def _bound(self, term: Objective | JointObjective | MovingConstraint, count: int, data: Mapping[str, Any]) -> Array:
+    def _bound(self, term: AnyObjective | MovingConstraint, count: int, data: Mapping[str, Any]) -> Array:
         numbers = bound_numbers(term, self.problem.pieces, count, data)
         return stack_parameters(term.shapes, numbers, count)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from gbt_ocp.models.dynamics import Dynamics, integrated
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ProblemData, ShootingData
-from gbt_ocp.ocp.terms import Constraint, Objective
+from gbt_ocp.ocp.terms import AccumulatedObjective, Constraint, Objective, at_endpoint
 from gbt_ocp.ocp.thrust_limits import ThrustLimit
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.ocp.transcription import (
@@ -57,9 +57,13 @@ class FlatForm:
         self.objective_point = self.point
         self.scale = input_scale(problem)
 
-    def objective(self, term: Objective, stacked: Any) -> Any:
-        """A term at an endpoint, of :attr:`objective_point`."""
-        return term.value(self._split(self.point), unstacked(term.shapes, stacked))
+    def objective(self, term: Objective | AccumulatedObjective, stacked: Any) -> Any:
+        """A term at an endpoint, or what that adds to its sums, of :attr:`objective_point`."""
+        return at_endpoint(term, self._split(self.point), unstacked(term.shapes, stacked))
+
+    def at_end_of_state(self, read: Sequence[int]) -> bool:
+        """Whether these numbers of :attr:`objective_point` are those that the next piece begins with."""
+        return max(read, default=0) < min(self._problem.joined, 3) * self._problem.vehicle.flat_dimension
 
     def constraint(self, constraint: Constraint, stacked: Any) -> Any:
         """The bounded quantities at :attr:`point`."""
@@ -140,10 +144,14 @@ class ShootingForm:
         first, last = self._ends()
         return first + (last - first) * share if self.held > self.dynamics.inputs else first
 
-    def objective(self, term: Objective, stacked: Any) -> Any:
-        """A term at an endpoint, of :attr:`objective_point`."""
+    def objective(self, term: Objective | AccumulatedObjective, stacked: Any) -> Any:
+        """A term at an endpoint, or what that adds to its sums, of :attr:`objective_point`."""
         state = self.point[: self.states] if self.at_end else self.state_after(1.0)
-        return term.value(self.flat_point(state, self.inputs_after(1.0)), unstacked(term.shapes, stacked))
+        return at_endpoint(term, self.flat_point(state, self.inputs_after(1.0)), unstacked(term.shapes, stacked))
+
+    def at_end_of_state(self, read: Sequence[int]) -> bool:
+        """Whether these numbers of :attr:`objective_point` are those that the next piece begins with."""
+        return self.at_end and max(read, default=0) < self.states
 
     def constraint(self, constraint: Constraint, stacked: Any) -> Any:
         """The bounded quantities at :attr:`point`; the thrust is one of its numbers."""
@@ -184,10 +192,10 @@ class ShootingForm:
     def _reads_inputs(self, term: Any) -> bool:
         """Whether a term depends on the inputs beside the state, through a derivative of z."""
         state, inputs = ca.SX.sym("state", self.states), ca.SX.sym("inputs", self.dynamics.inputs)
-        if not hasattr(term, "value"):
+        if not isinstance(term, AccumulatedObjective) and not hasattr(term, "value"):
             return False
         numbers = unstacked(term.shapes, ca.SX.sym("p", stacked_size(term.shapes)))
-        value = term.value(FlatPoint(*self.dynamics.point(state, inputs)), numbers)
+        value = at_endpoint(term, FlatPoint(*self.dynamics.point(state, inputs)), numbers)
         return bool(ca.depends_on(ca.SX(value), inputs))
 
 

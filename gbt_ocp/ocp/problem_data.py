@@ -7,7 +7,7 @@ from typing import Literal
 
 from gbt_ocp.models.sizes import at_least, positive
 from gbt_ocp.models.vehicles import DrivenVehicle, Vehicle
-from gbt_ocp.ocp.terms import Constraint, JointObjective, Objective, is_believed
+from gbt_ocp.ocp.terms import AnyObjective, Constraint, is_believed
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class PosedProblem:
     vehicle: DrivenVehicle
     pieces: int
     period: float
-    objectives: tuple[Objective | JointObjective, ...] = field(default=(), kw_only=True)
+    objectives: tuple[AnyObjective, ...] = field(default=(), kw_only=True)
     hard: tuple[HardLimit, ...] = field(default=(), kw_only=True)
     penalties: tuple[PenaltyLimit, ...] = field(default=(), kw_only=True)
 

@@ -31,7 +31,7 @@ from gbt_ocp.ocp.plan import ShootingPlan
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.solvers.base import Solution
 from gbt_ocp.ocp.solvers.ipopt import ipopt_function, solution_of
-from gbt_ocp.ocp.terms import JointObjective
+from gbt_ocp.ocp.terms import AccumulatedObjective, JointObjective
 from gbt_ocp.ocp.thrust_limits import ThrustLimit
 from gbt_ocp.ocp.transcription import objective_function
 from gbt_ocp.typing import Array
@@ -81,7 +81,8 @@ class ShootingPlanner:
     ) -> None:
         if not problem.objectives:
             raise ValueError("the problem has no objective; call maximize() first")
-        joint = [type(term).__name__ for term in problem.objectives if isinstance(term, JointObjective)]
+        coupled = JointObjective | AccumulatedObjective
+        joint = [type(term).__name__ for term in problem.objectives if isinstance(term, coupled)]
         if joint:
             raise ValueError(f"multiple shooting takes sums over the endpoints as objectives; found: {joint[0]}")
         limits = [limit for limit in problem.constraints if isinstance(limit, ThrustLimit)]
@@ -103,7 +104,7 @@ class ShootingPlanner:
         self._objectives = [
             objective_function(problem, term).map(problem.pieces)
             for term in problem.objectives
-            if not isinstance(term, JointObjective)
+            if not isinstance(term, coupled)
         ]
         self._accelerations = self._motion.map(problem.pieces)
         self._solver = ipopt_function(self._program(), options or {})

@@ -26,20 +26,20 @@ from gbt_ocp.models.contracts import (
     shown,
 )
 from gbt_ocp.models.vehicles import DrivenVehicle
-from gbt_ocp.ocp.terms import Constraint, JointObjective, MissingDataError, MovingConstraint, Objective
+from gbt_ocp.ocp.terms import AnyObjective, Constraint, MissingDataError, MovingConstraint
 from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.typing import Array
 
 BAND = "to hold a quantity give it a band, such as 0.001 on either side"
 
 
-def check_objective(objective: Objective | JointObjective, vehicle: DrivenVehicle, pieces: int) -> None:
+def check_objective(objective: AnyObjective, vehicle: DrivenVehicle, pieces: int) -> None:
     """Evaluate an objective once.
 
     Parameters
     ----------
     objective
-        Of either protocol.
+        Of any of the three protocols.
     vehicle
         Gives the sizes of a point and of the moments of a forecast.
     pieces
@@ -52,19 +52,30 @@ def check_objective(objective: Objective | JointObjective, vehicle: DrivenVehicl
     """
     n = vehicle.flat_dimension
     _check_dimension(objective, vehicle)
-    joint = has(objective, "total")
+    sums = has(objective, "accumulated")
+    joint = has(objective, "total") and not sums
     shapes = _shapes(objective)
     method(objective, "bind", ("pieces", "data"), "numbers for the parameters, by name")
     points, parameters = zip(*(_symbols(n, shapes) for _ in range(pieces if joint else 1)), strict=True)
-    name = "total" if joint else "value"
+    name = "accumulated" if sums else "total" if joint else "value"
     given = (points, parameters) if joint else (points[0], parameters[0])
     arguments = dict(zip(("points", "parameters") if joint else ("point", "parameters"), given, strict=True))
-    value = called(objective, name, arguments, "a CasADi scalar")
+    value = called(objective, name, arguments, "a CasADi column (m, 1)" if sums else "a CasADi scalar")
     symbols = [symbol for point in points for symbol in point]
     symbols += [symbol for each in parameters for symbol in each.values()]
-    expression(named(objective, name), value, (1, 1), symbols, "a scalar")
+    size, meaning = ((-1, 1), "one column") if sums else ((1, 1), "a scalar")
+    found = expression(named(objective, name), value, size, symbols, meaning)
+    if sums:
+        _check_of_sums(objective, found.numel())
     if has(objective, "from_moments"):
         _check_moments(objective, "from_moments", {"mean": 1, "root": 0, "desired": 1}, shapes, vehicle)
+
+
+def _check_of_sums(objective: object, count: int) -> None:
+    """Evaluate what an objective makes of its sums."""
+    sums = ca.SX.sym("sums", count)
+    value = called(objective, "of_sums", {"sums": sums}, "a CasADi scalar")
+    expression(named(objective, "of_sums"), value, (1, 1), [sums], "a scalar of the sums alone")
 
 
 def check_constraint(constraint: Constraint, vehicle: DrivenVehicle) -> None:
@@ -99,7 +110,7 @@ def check_constraint(constraint: Constraint, vehicle: DrivenVehicle) -> None:
 
 
 def bound_numbers(
-    term: Objective | JointObjective | MovingConstraint, pieces: int, times: int, data: Mapping[str, Any]
+    term: AnyObjective | MovingConstraint, pieces: int, times: int, data: Mapping[str, Any]
 ) -> dict[str, Array]:
     """What a term makes of the data of a solve, checked: name to numbers ``(times, *shape)``.
 

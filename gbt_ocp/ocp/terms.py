@@ -44,7 +44,8 @@ class Objective(Protocol):
 class JointObjective(Protocol):
     """A term of the objective that couples the endpoints, maximised like a sum over them.
 
-    Only IPOPT takes it: the compiled solver's factorisation rests on sums over endpoints.
+    Only IPOPT takes it: the compiled solver's factorisation rests on sums over endpoints. Where the coupling is by a
+    few sums, :class:`AccumulatedObjective` says so, and every solver takes it.
     """
 
     @property
@@ -56,6 +57,35 @@ class JointObjective(Protocol):
 
     def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
         """Numbers for the parameters, ``(p, *shape)`` each, from the data given to a solve."""
+
+
+@runtime_checkable
+class AccumulatedObjective(Protocol):
+    """A term of the objective that is a function of a few sums over the endpoints, maximised.
+
+    Such is the determinant of an information matrix: its entries are sums of what single bearings say. The compiled
+    solver carries the sums through its recursion as further states, at a cost linear in the endpoints.
+    """
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[int, int]]:
+        """Parameters of one endpoint: name to matrix shape; ``{}`` where none are needed."""
+
+    def accumulated(self, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
+        """What one endpoint adds to the sums ``(m,)``, a CasADi column.
+
+        The compiled solver takes those that depend on the flat output and its rate alone.
+        """
+
+    def of_sums(self, sums: Any) -> Any:
+        """The term, a CasADi scalar of the sums ``(m,)`` and of nothing else."""
+
+    def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
+        """Numbers for the parameters, ``(p, *shape)`` each, from the data given to a solve."""
+
+
+AnyObjective = Objective | JointObjective | AccumulatedObjective
+"""Whatever a problem can maximise."""
 
 
 @runtime_checkable
@@ -81,6 +111,13 @@ class FromMoments(Protocol):
         desired
             Desired bearing λ* ``(d,)``.
         """
+
+
+def at_endpoint(objective: Objective | AccumulatedObjective, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
+    """The term at one endpoint, or what that adds to the sums ``(m,)``."""
+    if isinstance(objective, AccumulatedObjective):
+        return objective.accumulated(point, parameters)
+    return objective.value(point, parameters)
 
 
 class MissingDataError(ValueError):

@@ -18,7 +18,15 @@ from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.limit_classes import LIMIT_WEIGHT, LimitClass, hard_weights, limit_class
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ProblemData
-from gbt_ocp.ocp.terms import Constraint, JointObjective, MovingConstraint, Objective
+from gbt_ocp.ocp.terms import (
+    AccumulatedObjective,
+    AnyObjective,
+    Constraint,
+    JointObjective,
+    MovingConstraint,
+    Objective,
+    at_endpoint,
+)
 from gbt_ocp.ocp.trajectory import FlatPoint, propagate
 from gbt_ocp.typing import Array
 
@@ -79,20 +87,27 @@ def between_knots(knots: Any, shares: Array) -> list[Any]:
     return [np.stack(parts, axis=1) if isinstance(knots, np.ndarray) else ca.horzcat(*parts)]
 
 
-def objective_function(problem: PosedProblem, objective: Objective) -> ca.Function:
-    """(z, ż, z̈, parameters) -> the term at one endpoint; the parameters are stacked column by column."""
+def objective_function(problem: PosedProblem, objective: Objective | AccumulatedObjective) -> ca.Function:
+    """(z, ż, z̈, parameters) -> the term at one endpoint, or what that adds to the sums.
+
+    The parameters are stacked column by column.
+    """
     point = point_symbols(problem.vehicle.flat_dimension)
     stacked = ca.SX.sym("p", stacked_size(objective.shapes))
-    value = objective.value(point, unstacked(objective.shapes, stacked))
+    value = at_endpoint(objective, point, unstacked(objective.shapes, stacked))
     return ca.Function("objective", [*point, stacked], [value], ["z", "dz", "ddz", "p"], ["value"])
 
 
-def objective_total(problem: PosedProblem, objective: Objective | JointObjective) -> ca.Function:
+def objective_total(problem: PosedProblem, objective: AnyObjective) -> ca.Function:
     """(Z, Ż, Z̈, parameters), one endpoint a column, -> the term of all endpoints together."""
-    if not isinstance(objective, JointObjective):
+    if isinstance(objective, AccumulatedObjective) or not isinstance(objective, JointObjective):
         single = objective_function(problem, objective).map(problem.pieces)
         columns = [ca.MX.sym(single.name_in(k), *single.size_in(k)) for k in range(4)]
-        return ca.Function("objective", columns, [ca.sum2(single(*columns))])
+        total = ca.sum2(single(*columns))
+        if isinstance(objective, AccumulatedObjective):
+            sums = ca.SX.sym("sums", total.numel())
+            total = ca.Function("of_sums", [sums], [objective.of_sums(sums)])(total)
+        return ca.Function("objective", columns, [total])
     n, p = problem.vehicle.flat_dimension, problem.pieces
     size = stacked_size(objective.shapes)
     ends = [ca.SX.sym(name, n, p) for name in ("z", "dz", "ddz")]
@@ -332,11 +347,3 @@ def trapezoid_weights(intervals: int) -> Array:
     weights = np.ones(intervals + 1)
     weights[[0, -1]] = 0.5
     return weights
-
-
-def continuation(width: float, weight: float) -> list[tuple[float, float]]:
-    """Stages (ϖ, w_p) that lead from an easy penalty to the one asked for, each solved from the last one's solution.
-
-    At ϖ = 0.01 and w_p = 1000 they are (0.5, 10), (0.1, 100), (0.01, 1000).
-    """
-    return [(50.0 * width, weight / 100.0), (10.0 * width, weight / 10.0), (width, weight)]

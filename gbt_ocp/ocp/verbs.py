@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from gbt_ocp.models.sizes import at_least, positive
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem
 from gbt_ocp.ocp.term_checks import check_constraint, check_objective
-from gbt_ocp.ocp.terms import Constraint, JointObjective, Objective
+from gbt_ocp.ocp.terms import AnyObjective, Constraint
 from gbt_ocp.ocp.thrust_limits import ThrustLimit
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class PosingVerbs(PosedProblem):
     """What a problem of either form is built up with; each verb gives a new problem."""
 
-    def maximize(self, objective: Objective | JointObjective) -> Self:
+    def maximize(self, objective: AnyObjective) -> Self:
         """Add a term to the objective.
 
         Raises

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from typing import Any, Literal
 
 import numpy as np
@@ -10,14 +11,26 @@ from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.codegen.library import kernel_files, load_library
 from gbt_ocp.pilot.tracker_source import pilot_texts, tracker_in_c
+from gbt_ocp.tracking.gp.breaks import Break
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.priors import PositionPrior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import Measurements
 from gbt_ocp.typing import Array
 
-_UNITS = ("gbt_bearing", "gbt_linalg", "gbt_gaps", "gbt_gp", "gbt_gp_kernel", "gbt_gp_likelihood")
+_UNITS = (
+    "gbt_bearing",
+    "gbt_linalg",
+    "gbt_gaps",
+    "gbt_breaks",
+    "gbt_gp",
+    "gbt_gp_kernel",
+    "gbt_gp_likelihood",
+    "gbt_wide",
+)
 _HEADERS = ("gbt_real.h", "gbt_math.h", "gbt_identity.h")
+
+_WAITS, _BROKEN = 2, 3  # gbt_gp_taken
 
 
 class CompiledGaussianProcessTracker(GaussianProcessTracker):
@@ -34,7 +47,7 @@ class CompiledGaussianProcessTracker(GaussianProcessTracker):
     Raises
     ------
     ValueError
-        If a parameter is out of range, or the window is to be cut at breaks.
+        If a parameter is out of range.
     gbt_ocp.ocp.codegen.library.CompilerError
         If there is no working C compiler.
     """
@@ -53,6 +66,7 @@ class CompiledGaussianProcessTracker(GaussianProcessTracker):
         breaks: bool = False,
     ) -> None:
         self._memory = np.zeros(0)
+        self._added = False  # whether C has taken the latest bearing already
         super().__init__(
             dimension,
             window=window,
@@ -79,17 +93,28 @@ class CompiledGaussianProcessTracker(GaussianProcessTracker):
         self._memory = np.zeros(self._library.gbt_gp_bytes() // 8)
         self._call("begin", self._prior.start)
 
-    def _call(self, name: str, *given: Any) -> None:
+    def _call(self, name: str, *given: Any) -> int:
         """A function of the library on the memory and the settings."""
         kept = [np.ascontiguousarray(one, dtype=float) if isinstance(one, np.ndarray) else one for one in given]
         arrays = [ctypes.c_void_p(one.ctypes.data) if isinstance(one, np.ndarray) else one for one in kept]
         memory, numbers = (ctypes.c_void_p(one.ctypes.data) for one in (self._memory, self._numbers))
-        getattr(self._library, f"gbt_gp_{name}")(memory, numbers, *arrays)
+        return int(getattr(self._library, f"gbt_gp_{name}")(memory, numbers, *arrays) or 0)
+
+    def _judged(self, time: float, bearing: Array, own: Array) -> tuple[Break | None, bool]:
+        answer = self._call("add", ctypes.c_double(time), bearing, own)
+        self._added = True
+        if answer != _BROKEN:
+            return None, answer == _WAITS
+        d = self.dimension
+        # known_mean, known_axis, known_variance, start, centre, log_theta are the last numbers of the memory
+        known = self._memory[: -2 * d - len(self._tuning.search[2])][-d * (d + 2) :]
+        return Break(known[:d].copy(), math.sqrt(known[-1])), False
 
     def _tune(self, measurements: Measurements) -> None:
-        time, bearing, own = self.window.latest
-        self._call("add", ctypes.c_double(time), bearing, own)
-        # the last numbers of the memory
+        if not self._added:
+            time, bearing, own = self.window.latest
+            self._call("add", ctypes.c_double(time), bearing, own)
+        self._added = False
         self._tuning.found(self._memory[-len(self._tuning.search[2]) :].copy())
 
     def predict(self, times: ArrayLike) -> Forecast:

@@ -19,6 +19,7 @@ SIZES = {
     "KERNEL": "of the process: 0 se, 1 matern32, 2 matern52, 3 rq",
     "SHAPES": "parameters of the kernel",
     "TUNED_NUGGET": "whether the nugget is tuned",
+    "BREAKS": "whether the window is cut where the motion breaks",
 }
 """Sizes of a tracker by name, and what they are."""
 
@@ -26,7 +27,7 @@ _KERNELS = ("se", "matern32", "matern52", "rq")
 
 _ALONE = {
     "ekf": ("gbt_ekf", "gbt_kalman", "gbt_polar", "gbt_polar_update", "gbt_tracker_ekf"),
-    "gp": ("gbt_gp", "gbt_tracker_gp"),
+    "gp": ("gbt_gp", "gbt_breaks", "gbt_wide", "gbt_tracker_gp"),
 }
 """Beginnings of the names of the files that one tracker alone needs."""
 
@@ -105,8 +106,6 @@ def _extended(tracker: ExtendedKalmanFilter) -> TrackerInC:
 
 def _process(tracker: GaussianProcessTracker) -> TrackerInC:
     kernel, tuning, on_vehicle, window, prior, rows, breaks = tracker.settings
-    if breaks:
-        raise ValueError("tracker.nugget: found tuned; allowed in C: a number, as 1e-8 of preset: paper")
     bounds, priors, first, smooth, nugget = tuning.search
     low, high = np.array(bounds).T
     d, shapes = tracker.dimension, 2 if kernel == "rq" else 1
@@ -129,7 +128,8 @@ def _process(tracker: GaussianProcessTracker) -> TrackerInC:
         "known_variance": np.zeros(d) if rows is None else rows.variances,
     }
     sizes = {"SIZED": 0, "WINDOW": window, "KERNEL": _KERNELS.index(kernel)}
-    return TrackerInC("gp", settings, sizes | {"SHAPES": shapes, "TUNED_NUGGET": int(nugget is None)})
+    sizes |= {"SHAPES": shapes, "TUNED_NUGGET": int(nugget is None), "BREAKS": int(breaks)}
+    return TrackerInC("gp", settings, sizes)
 
 
 def c_number(value: Any) -> str:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from gbt_ocp.simulation import run_folder
+from gbt_ocp.simulation.columns import columns
 from gbt_ocp.simulation.history import History
+from gbt_ocp.typing import Array
 
 
 def drawable_history(folder: Path) -> History:
-    """Read ``history.npz`` of a run folder to draw it.
+    """Read ``history.npz`` of a run folder to draw it; infinite numbers have no place in a figure and become NaN.
 
     Raises
     ------
@@ -25,4 +28,12 @@ def drawable_history(folder: Path) -> History:
     for name in ("vehicle_pose", "target"):
         if not np.isfinite(getattr(history, name)).all(axis=1).any():
             raise ValueError(f"{path}: {name}: found no step with finite numbers; allowed: at least one")
-    return history
+    infinite = {name: np.isinf(array) for name, array in _numbers(history) if np.isinf(array).any()}
+    drawn = {name: np.where(where, np.nan, getattr(history, name)) for name, where in infinite.items()}
+    return replace(history, **drawn)
+
+
+def _numbers(history: History) -> list[tuple[str, Array]]:
+    """The columns that may hold what is not finite."""
+    arrays = [(one.name, getattr(history, one.name)) for one in columns(History)]
+    return [(name, array) for name, array in arrays if array.dtype.kind == "f"]

@@ -218,7 +218,8 @@ class History:
                     )
         if not self.t.size:
             raise ValueError("history: found no steps; allowed: at least one")
-        wrong = np.flatnonzero(~np.isfinite(self.t) | (np.diff(self.t, prepend=-np.inf) <= 0.0))
+        before = np.concatenate([[-np.inf], self.t[:-1]])
+        wrong = np.flatnonzero(~(np.isfinite(self.t) & (self.t > before)))
         if wrong.size:
             raise ValueError(f"history: t: found {self.t[wrong[0]]} at step {wrong[0]}; allowed: times that increase")
         if self.dimension not in (2, 3):

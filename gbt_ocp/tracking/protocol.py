@@ -101,6 +101,17 @@ class JointlyGaussian(Protocol):
         """Of the target's positions at the times ``(K,)`` in seconds."""
 
 
+@runtime_checkable
+class KnowsMotion(Protocol):
+    """A tracker that knows how position and velocity vary together."""
+
+    def motion_at(self, time: float) -> Array | None:
+        """Covariance of position and velocity at a time in seconds ``(2d, 2d)``, in m², m²/s and m²/s².
+
+        ``None`` before there is anything to know.
+        """
+
+
 RANGE_OBSERVABLE = 0.25
 """Posterior deviation of the range over the range below which range counts as observable."""
 

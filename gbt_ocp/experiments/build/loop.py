@@ -10,7 +10,7 @@ import numpy as np
 
 from gbt_ocp.experiments.build.desired import build_desired_bearing
 from gbt_ocp.experiments.build.limits import with_limits
-from gbt_ocp.experiments.build.objective import build_hypotheses, build_joint, build_objective, build_past
+from gbt_ocp.experiments.build.objective import build_hypotheses, build_joint, build_objective, build_past, build_path
 from gbt_ocp.experiments.build.plant import build_plant
 from gbt_ocp.experiments.build.sensors import build_sensor, build_sensors
 from gbt_ocp.experiments.build.trackers import build_tracker
@@ -259,6 +259,7 @@ def build_guidance(
         past=build_past(configuration, objective),
         joint=build_joint(configuration, objective, tracker),
         hypotheses=build_hypotheses(configuration, tracker),
+        path=build_path(configuration, objective, tracker),
     )
     planned.rehearse()
     strategy = planned if section.startup_deviation == 0.0 else _crossing_first(configuration, planned, vehicle)

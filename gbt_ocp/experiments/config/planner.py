@@ -74,10 +74,21 @@ class PlannerSection(Section):
         "fisher_min_eigenvalue",
         "posterior_variance",
         "condition_number",
+        "motion_logdet",
+        "motion_trace",
     ] = key(
         "similarity",
-        "What the plan maximises (of the variance and the condition number: minimises); all but similarity and "
-        "fisher_trace need IPOPT.",
+        "What the plan maximises (of variances and the condition number: minimises). Those of motion are the "
+        "covariance of the target's position at the end of the plan and ahead_s later, after the planned bearings.",
+    )
+    stages: int = key(
+        2,
+        "Times of a plan, evenly spaced and the last one its end, at which the covariance counts; with objective: "
+        "motion_logdet, motion_trace.",
+        ge=1,
+    )
+    ahead_s: float = key(
+        10.0, "Time in s from each of them to another that counts; with objective: motion_logdet, motion_trace.", gt=0.0
     )
     similarity: Literal["signed", "axial"] = key(
         "signed", "Whether a bearing opposite to the desired one counts as the worst, as in the paper, or the same."

@@ -22,12 +22,13 @@ from gbt_ocp.experiments.sweep.execution import ARRAYS_FILE, execute, record_los
 from gbt_ocp.experiments.sweep.sweep_plan import Overrides, PlannedRun, SweepPlan, plan_sweep
 from gbt_ocp.experiments.sweep.table import Row, row_of, write_table
 from gbt_ocp.experiments.sweep.task_folder import TaskFolder, at_work_in, free_name
-from gbt_ocp.files import read_arrays, whole_folder
+from gbt_ocp.files import read_arrays, whole_file, whole_folder
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.typing import Array
 
 PLAN = "sweep.json"
 RUNS = "runs"
+DISTRIBUTION = "distribution"
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,8 @@ class Sweep:
     Attributes
     ----------
     folder
-        Holds ``sweep.json`` (the plan), ``runs.csv``, ``runs.parquet`` where pyarrow is installed, and ``runs/``.
+        Holds ``sweep.json`` (the plan), ``runs.csv``, ``runs.parquet`` where pyarrow is installed,
+        ``distribution.png`` and ``.pdf``, and ``runs/``.
     plan
         What was run.
     rows
@@ -165,7 +167,27 @@ def sweep(
             default = Path("runs") / f"sweep-{plan.variants[0].configuration.name}"
             folder = Path(out) if out is not None else free_name(default)
             begin(folder, plan)
-        return carry_out(plan, folder, engine, progress=progress)
+        done = carry_out(plan, folder, engine, progress=progress)
+    draw(done)
+    return done
+
+
+def draw(done: Sweep) -> None:
+    """Write ``distribution.png`` and ``distribution.pdf`` of a finished sweep, where its runs have what they show."""
+    # which take half a second to load
+    from gbt_ocp.reporting.style import DPI
+    from gbt_ocp.reporting.sweep_figure import distribution
+
+    variants: dict[str, list[Row]] = {}
+    for row in done.rows:
+        replaced = {key: row[key] for key in done.plan.varied if row[key] is not None}
+        name = ", ".join(f"{key.rpartition('.')[2]}: {value}" for key, value in replaced.items()) or "all runs"
+        variants.setdefault(name, []).append(row)
+    figure = distribution(variants)
+    if figure is not None:
+        for ending in ("png", "pdf"):
+            with whole_file(done.folder / f"{DISTRIBUTION}.{ending}") as temporary:
+                figure.savefig(temporary, format=ending, dpi=DPI)
 
 
 def begin(folder: Path, plan: SweepPlan) -> None:

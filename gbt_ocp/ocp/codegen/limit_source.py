@@ -1,4 +1,4 @@
-"""Tables and functions of one problem's objective and limits, for the generated C."""
+"""Tables and functions of one problem's limits, for the generated C."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_array, c_function
+from gbt_ocp.ocp.codegen.expressions import c_array, c_function
 from gbt_ocp.ocp.codegen.places import Placed, placed
 from gbt_ocp.ocp.forms import FlatForm, ShootingForm
 from gbt_ocp.ocp.limit_classes import hard_weights, limit_class
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem
-from gbt_ocp.ocp.terms import Constraint, JointObjective
-from gbt_ocp.ocp.transcription import limit_size, stacked_size
+from gbt_ocp.ocp.terms import Constraint
+from gbt_ocp.ocp.transcription import limit_size
 from gbt_ocp.typing import Array
 
 
@@ -40,59 +40,21 @@ def nonzeros(matrix: ca.SX) -> tuple[ca.SX, list[int], list[int]]:
     return values, list(rows), list(columns)
 
 
-def placed_objective(problem: PosedProblem, form: FlatForm | ShootingForm, parameters: ca.SX, origin: ca.SX) -> Placed:
-    """The objective at an endpoint."""
-    d, point = problem.vehicle.position_dimension, form.objective_point
-    value, offset = ca.SX(0), 0
-    for term in problem.objectives:
-        if isinstance(term, JointObjective):
-            raise NotGenerableError(
-                f"planner.solver: found compiled, which takes sums over the endpoints of a plan; allowed: ipopt, since "
-                f"the objective {type(term).__name__} couples them"
-            )
-        value += form.objective(term, parameters[offset:])
-        offset += stacked_size(term.shapes)
-    return placed(value, point[:d], parameters, point[d:], origin)
-
-
-class _Placing(NamedTuple):
+class Placing(NamedTuple):
     """How entries of a lower triangle at a point come into the matrix of a piece: what the kernel reads for that."""
 
     functions: list[ca.Function]
     tables: dict[str, Any]
 
 
-def _placing(
+def placing_in_c(
     name: str, form: FlatForm | ShootingForm, rows: list[int], columns: list[int], *, at_end: bool = False
-) -> _Placing:
+) -> Placing:
     """By a function in the flat form; elsewhere the numbers of a point are those of the piece."""
     if isinstance(form, FlatForm):
         entries, matrix = form.spread(rows, columns, at_end=at_end)
-        return _Placing([c_function(f"{name}_spread", [entries], matrix)], {})
-    return _Placing([], {"row": rows, "column": columns})
-
-
-def objective_in_c(form: FlatForm | ShootingForm, objective: Placed) -> tuple[list[ca.Function], str, int]:
-    """Functions and table of the objective at a point, and the nonzeros of its Hessian."""
-    point = form.objective_point
-    stacked, value, weight = objective.numbers, objective.value, ca.SX.sym("weight")
-    gradient = ca.gradient(value, point)
-    hessian, rows_, columns_ = nonzeros(ca.tril(ca.hessian(weight * value, point)[0]))
-    functions = [
-        c_function("objective_value", [point, stacked], value),
-        c_function("objective_gradient", [point, stacked], gradient),
-        c_function("objective_hessian", [point, stacked, weight], hessian),
-    ]
-    placing = _placing("objective", form, rows_, columns_, at_end=True)
-    last = f"{len(rows_)}, objective_row, objective_column" if placing.tables else "objective_spread"
-    text = "".join(
-        [
-            *(c_array("int", f"objective_{table}", entries) for table, entries in placing.tables.items()),
-            "const gbt_objective_functions gbt_objective = {objective_value, objective_gradient, objective_hessian,\n"
-            f"    {last}}};\n",
-        ]
-    )
-    return functions + placing.functions, text, len(rows_)
+        return Placing([c_function(f"{name}_spread", [entries], matrix)], {})
+    return Placing([], {"row": rows, "column": columns})
 
 
 def _sides(constraint: Constraint, shift: Array) -> list[tuple[int, float, float, float]]:
@@ -163,7 +125,7 @@ def limit_in_c(
         c_function(f"{name}_curvature", [place, factors, known], curves),
     ]
     shares = np.arange(grid.first, grid.intervals + 1) / grid.intervals
-    placing = _placing(name, form, curve_rows, curve_columns)
+    placing = placing_in_c(name, form, curve_rows, curve_columns)
     at_nodes = form.node_tables(shares) if isinstance(form, FlatForm) else {}
     sides = _sides(constraint, at.shift)
     weights, widths = _penalty(problem, number, limit, [side[0] for side in sides], grid.share)

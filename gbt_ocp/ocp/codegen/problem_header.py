@@ -12,6 +12,8 @@ GBT_BEGIN_C
 #define GBT_DIMENSION {dimension}         /* d, dimension of the space */
 {form}#define GBT_PIECES {pieces}            /* p, pieces of the trajectory */
 #define GBT_PERIOD ((gbt_real){period}) /* T, length of a piece in seconds */
+#define GBT_SUMS {sums}            /* sums over the endpoints that the objective is a function of */
+#define GBT_SUM_COLUMNS {sum_columns}      /* numbers of a state that they depend on */
 #define GBT_PARAMETERS {parameters}       /* parameters of the objective at each endpoint */
 #define GBT_MOVING {moving}           /* parameters of the path constraints at each boundary of pieces */
 #define GBT_END_NUMBERS {ends}       /* what becomes of them in coordinates relative to the start of the plan */
@@ -44,9 +46,9 @@ typedef enum {{ GBT_THRUST, GBT_CERTAIN, GBT_BELIEVED }} gbt_limit_class;
 typedef void (*gbt_function)(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *out);
 
 typedef struct {{
-    gbt_function value;    /* (point, numbers) -> term of the objective, to be maximised */
-    gbt_function gradient; /* (point, numbers) -> all entries */
-    gbt_function hessian;  /* (point, numbers, weight) -> nonzeros of the lower triangle, times the weight */
+    gbt_function value;    /* (point, numbers) -> term of the objective, to be maximised, and what the sums gain */
+    gbt_function gradient; /* (point, numbers, worth) -> all entries, of these, each times what it is worth */
+    gbt_function hessian;  /* (point, numbers, weight) -> nonzeros of the lower triangle, the same with weights */
 #if GBT_SHOOTING
     int hessian_entries;
     const int *hessian_row, *hessian_column;
@@ -54,6 +56,15 @@ typedef struct {{
     gbt_function spread; /* (entries) -> lower triangle of the matrix of the piece, row by row */
 #endif
 }} gbt_objective_functions;
+
+#if GBT_SUMS
+typedef struct {{
+    gbt_function value, gradient, hessian; /* (sums) -> a term of the objective; all entries */
+    gbt_function slopes; /* (point, numbers) -> of what is added to the sums, by each of so many columns of the state */
+    const int *column;
+}} gbt_sum_functions;
+extern const gbt_sum_functions gbt_of_sums;
+#endif
 
 /* A constraint in units of its limits, imposed at times k T / intervals of every piece, k = first .. intervals. */
 typedef struct {{

@@ -10,10 +10,11 @@ import casadi as ca
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.ocp.check import FINE_POINTS
 from gbt_ocp.ocp.codegen.expressions import c_array, c_function, c_source
-from gbt_ocp.ocp.codegen.limit_source import in_place, limit_in_c, objective_in_c, placed_limits, placed_objective
+from gbt_ocp.ocp.codegen.limit_source import in_place, limit_in_c, placed_limits
 from gbt_ocp.ocp.codegen.moment_functions import from_moments as from_moments
 from gbt_ocp.ocp.codegen.moment_functions import moment_functions
 from gbt_ocp.ocp.codegen.motion_source import motion_in_c
+from gbt_ocp.ocp.codegen.objective_source import objective_in_c
 from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.problem_header import HEADER
 from gbt_ocp.ocp.forms import form_of
@@ -54,8 +55,7 @@ def generate_problem(problem: PosedProblem, options: CompiledOptions | None = No
     shooting = isinstance(problem, ShootingData)
     origin = ca.SX.sym("origin", d)
     parameters = ca.SX.sym("p", sum(stacked_size(term.shapes) for term in problem.objectives))
-    objective = placed_objective(problem, form, parameters, origin)
-    objective_functions, objective_text, hessian_entries = objective_in_c(form, objective)
+    objective = objective_in_c(problem, form, parameters, origin)
     imposed: list[HardLimit | PenaltyLimit] = [*problem.hard, *problem.penalties]
     moving = ca.SX.sym("moving", sum(limit_size(limit.constraint) for limit in imposed))
     places = placed_limits(problem, form, moving, origin)
@@ -75,7 +75,9 @@ def generate_problem(problem: PosedProblem, options: CompiledOptions | None = No
         period=repr(float(problem.period)),
         parameters=parameters.numel(),
         moving=moving.numel(),
-        ends=objective.numbers.numel(),
+        sums=objective.sums,
+        sum_columns=objective.columns,
+        ends=objective.numbers,
         knots=sum(form.numbers.numel() for form in places),
         relative=int(not form.depends_on_place),
         limits=len(limits),
@@ -85,7 +87,7 @@ def generate_problem(problem: PosedProblem, options: CompiledOptions | None = No
         places=max(sum(per_piece), 1),
         soft=int(bool(problem.penalties)),
         rows=max([1, *(limit.rows for limit in limits)]),
-        entries=max([1, hessian_entries, motion.entries, *(limit.curvature_entries for limit in limits)]),
+        entries=max([1, objective.hessian_entries, motion.entries, *(limit.curvature_entries for limit in limits)]),
         nodes=max([1, *(limit.nodes for limit in limits)]),
         inputs=len(problem.vehicle.thrust_max),
         fine=FINE_POINTS,
@@ -93,7 +95,7 @@ def generate_problem(problem: PosedProblem, options: CompiledOptions | None = No
         present=int(from_moments(problem) and moving.numel() > 0),
         settings=(options or CompiledOptions.checked({}, problem.pieces, shooting=shooting)).initialiser(),
     )
-    functions = [*objective_functions, *(function for limit in limits for function in limit.functions)]
+    functions = [*objective.functions, *(function for limit in limits for function in limit.functions)]
     functions += motion.functions
     located = ca.vertcat(ca.SX(0, 1), *(form.located for form in places))
     wide = [
@@ -111,7 +113,7 @@ def generate_problem(problem: PosedProblem, options: CompiledOptions | None = No
             c_array("gbt_real", "gbt_thrust_min", ThrustRange.of(problem.vehicle).lower, const="const"),
             c_array("gbt_real", "gbt_thrust_max", problem.vehicle.thrust_max, const="const"),
             motion.tables,
-            objective_text,
+            objective.tables,
             *(limit.tables for limit in limits),
             f"const gbt_limit gbt_limits[] = {{\n{table}\n}};\n",
             "const char *const gbt_limit_names[] = {"

@@ -70,15 +70,15 @@ def built(folder: Path, flags: str) -> Iterator[Path]:
         yield copy / "build"
 
 
-def run_example(build: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run the example of a build.
+def run_example(build: Path, *arguments: str, program: str = "example") -> subprocess.CompletedProcess[str]:
+    """Run the example of a build, or another program beside it.
 
     Raises
     ------
     gbt_ocp.ocp.codegen.commands.CommandError
         If it cannot be started, or does not end.
     """
-    return run_command([str(build / "example"), *arguments], build, RUN_S)
+    return run_command([str(build / program), *arguments], build, RUN_S)
 
 
 def number_after(word: str, text: str) -> float | None:

@@ -51,7 +51,8 @@ def write_c(
         Of all names (files, functions, types, macros in capitals), for programs with several planners; see
         :func:`gbt_ocp.ocp.export.names.prefixed`.
     beside
-        Further C files by name, for the same library: those of a pilot.
+        Further files by name: C for the same library, and programs beside the example, whose names do not begin with
+        ``gbt_``.
 
     Raises
     ------
@@ -72,12 +73,15 @@ def write_c(
     target = Path(folder)
     with whole_folder(target) as draft:
         generated = generate_problem(problem, settings).files
-        sources = kernel_files(shooting=shooting) | generated | dict(beside or {})
+        further = dict(beside or {})
+        programs = {name: text for name, text in further.items() if not name.startswith("gbt_")}
+        sources = kernel_files(shooting=shooting) | generated
+        sources |= {name: text for name, text in further.items() if name not in programs}
         sources["gbt_identity.h"] = identity_header(sources)
         vectors = record(planner, steps)
         texts = {f"src/{name}": text for name, text in sources.items()}
-        texts |= {"vectors.h": vectors.header, "CMakeLists.txt": _cmake_lists(sources)}
-        texts |= {name: _template(name) for name in ("Makefile", "example.c")}
+        texts |= programs | {name: _template(name) for name in ("Makefile", "example.c")}
+        texts |= {"vectors.h": vectors.header, "CMakeLists.txt": _cmake_lists(sources, sorted(texts))}
         _write(draft, texts, prefix)
         manifest = {
             "versions": {"gbt_ocp": version("gbt_ocp"), "casadi": ca.CasadiMeta.version()},
@@ -139,8 +143,8 @@ def _define(header: str, name: str) -> int:
     return int(header.split(f"#define {name} ", 1)[1].split()[0])
 
 
-def _cmake_lists(sources: Mapping[str, str]) -> str:
-    """``CMakeLists.txt`` with the sources by name, and the headers that callers of the library need."""
+def _cmake_lists(sources: Mapping[str, str], names: Sequence[str]) -> str:
+    """``CMakeLists.txt`` with sources, headers that callers of the library need, and programs, all by name."""
     units = sorted(name for name in sources if name.endswith(".c"))
     headers = [name for name in ("gbt_plan.h", "gbt_pilot.h") if name in sources]
     for name in headers:
@@ -148,6 +152,8 @@ def _cmake_lists(sources: Mapping[str, str]) -> str:
     text = _template("CMakeLists.txt")
     for mark, names in (("@SOURCES@", units), ("@HEADERS@", sorted(headers))):
         text = text.replace(mark, "\n  ".join(f"src/{name}" for name in names))
+    programs = (name.removesuffix(".c") for name in names if "/" not in name and name.endswith(".c"))
+    text = text.replace("@PROGRAMS@", " ".join(programs))
     # CMake takes no more than the numbers of a version
     return text.replace("@VERSION@", ".".join(re.findall(r"\d+", version("gbt_ocp"))[:3]))
 

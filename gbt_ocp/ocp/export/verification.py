@@ -14,6 +14,9 @@ from gbt_ocp.ocp.export.building import built, number_after, required_tools, run
 NOT_FINITE = 3
 """Exit code of ``example --fail``: the planner's status for an input that is not a number."""
 
+PILOT_PROGRAM = "pilot_example"
+"""The program that replays a closed loop of a pilot, in folders that have one."""
+
 
 @dataclass(frozen=True)
 class Verification:
@@ -27,11 +30,14 @@ class Verification:
         How many steps were compared.
     faults
         One line a fault; empty if all is well.
+    replayed
+        What the replay of a pilot said in its last line; ``None`` in a folder without one.
     """
 
     difference: float
     vectors: int
     faults: tuple[str, ...]
+    replayed: str | None = None
 
 
 def verify_folder(folder: str | Path, *, flags: str = "-O2 -Werror") -> Verification:
@@ -54,13 +60,16 @@ def verify_folder(folder: str | Path, *, flags: str = "-O2 -Werror") -> Verifica
     try:
         with built(Path(folder), flags) as build:
             compared, failed = run_example(build), run_example(build, "--fail")
+            pilot = run_example(build, program=PILOT_PROGRAM) if (build / PILOT_PROGRAM).is_file() else None
     except (CompilerError, CommandError) as fault:
         return Verification(np.inf, 0, (str(fault),))
-    if compared.returncode != 0:
-        faults.append(f"example: exit code {compared.returncode}: {(compared.stdout + compared.stderr)[-2000:]}")
+    for name, done in (("example", compared), (PILOT_PROGRAM, pilot)):
+        if done is not None and done.returncode != 0:
+            faults.append(f"{name}: exit code {done.returncode}: {(done.stdout + done.stderr)[-2000:]}")
     if failed.returncode != NOT_FINITE:
         faults.append(f"example --fail: found exit code {failed.returncode}; allowed: {NOT_FINITE}")
     difference = number_after("difference", compared.stdout)
     if difference is None:
         return Verification(np.inf, 0, (*faults, "example printed no result"))
-    return Verification(difference, int(compared.stdout.splitlines()[-1].split()[0]), tuple(faults))
+    replayed = None if pilot is None else "".join(pilot.stdout.splitlines()[-1:])
+    return Verification(difference, int(compared.stdout.splitlines()[-1].split()[0]), tuple(faults), replayed)

@@ -100,15 +100,19 @@ void gbt_lengthen(const gbt_real *last, gbt_real *added);
 /* The last resort: a plan from start that slows the vehicle down, GBT_PIECES x GBT_FREE. */
 void gbt_brake(const gbt_real *start, gbt_real *top);
 
-/* Of a plan: what the objective gains at the end of a piece; the inputs after a share of it; flat output and rate at its
-   end. */
-gbt_real gbt_term(gbt_piece piece, const gbt_real *numbers);
+/* Adds what the end of a piece gives to the objective's own terms, and to its sums: GBT_TERMS. */
+void gbt_add_terms(gbt_piece piece, const gbt_real *numbers, gbt_real *total);
+
+/* Of a plan: the inputs after a share of a piece; flat output and rate at its end. */
 void gbt_inputs_after(gbt_piece piece, gbt_real share, gbt_real *inputs);
 void gbt_end_of(gbt_piece piece, gbt_real *z, gbt_real *dz);
 
 /* Gradient with respect to what is free in all pieces, from the one with respect to the numbers of each piece (which is
    spent): the adjoint of gbt_propagate at work->piece. */
 void gbt_adjoint(const gbt_workspace *work, gbt_piece gradient[], gbt_real out[][GBT_FREE]);
+
+/* Terms and sums of all pieces, and of those before them. */
+void gbt_total(const gbt_workspace *work, gbt_piece piece[], gbt_real *total);
 
 /* Objective and sides of the limits, and work->place, what each limit looks at at each of its nodes; returns f, minus the
    objective. */
@@ -137,6 +141,19 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta);
 
 /* work->step from the gradient with respect to the numbers of each piece, which is spent. */
 void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[]);
+
+#if GBT_SUMS
+/* What the recursion of gbt_coupling.c needs of a form: the quadratic model h from a piece on, from that of
+   what comes after it, which it regularises by delta, too; that model at the end of the last piece; and the slopes of what
+   the next piece inherits, GBT_STATE x GBT_PIECE. */
+void gbt_piece_model(gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],
+                     gbt_real h[GBT_PIECE][GBT_PIECE]);
+void gbt_end_model(const gbt_workspace *work, gbt_real rest[GBT_STATE][GBT_STATE]);
+void gbt_end_slopes(const gbt_workspace *work, int i, gbt_real slopes[GBT_STATE][GBT_PIECE]);
+
+/* What the slopes of the sums are computed at: the point where piece i ends. */
+void gbt_end_point(gbt_workspace *work, int i, gbt_real *point);
+#endif
 
 #if GBT_SHOOTING
 /* gbt_newton_step for a start that is elsewhere by so much, GBT_STATE. */

@@ -1,5 +1,6 @@
 #include "gbt_pieces.h"
 
+#include "gbt_coupling.h"
 #include "gbt_math.h"
 
 void gbt_taylor(gbt_real s, gbt_real power[GBT_ORDERS])
@@ -117,12 +118,18 @@ void gbt_lengthen(const gbt_real *last, gbt_real *added)
     for (int a = 0; a < GBT_FREE; a++) added[a] = 0;
 }
 
-gbt_real gbt_term(gbt_piece piece, const gbt_real *numbers)
+void gbt_add_terms(gbt_piece piece, const gbt_real *numbers, gbt_real *total)
 {
-    gbt_real point[GBT_POINT], value;
-    gbt_point_after(piece, GBT_PERIOD, point);
-    gbt_objective.value(point, numbers, 0, &value);
-    return value;
+    gbt_real point[GBT_POINT], value[GBT_TERMS];
+    point_at(piece, at_end, point);
+    gbt_objective.value(point, numbers, 0, value);
+    for (int k = 0; k < GBT_TERMS; k++) total[k] += value[k];
+}
+
+void gbt_total(const gbt_workspace *work, gbt_piece piece[], gbt_real *total)
+{
+    for (int k = 0; k < GBT_TERMS; k++) total[k] = work->before[k];
+    for (int i = 0; i < work->pieces; i++) gbt_add_terms(piece[i], work->parameters + i * GBT_END_NUMBERS, total);
 }
 
 void gbt_inputs_after(gbt_piece piece, gbt_real share, gbt_real *inputs)
@@ -152,11 +159,9 @@ void gbt_try(gbt_workspace *work, gbt_real alpha)
 
 gbt_real gbt_evaluate(gbt_workspace *work, gbt_piece piece[], gbt_real *y)
 {
-    gbt_real end[GBT_POINT], value[GBT_ROWS], (*place)[GBT_PLACE] = work->place, f = 0;
-    for (int i = 0; i < work->pieces; i++) {
-        point_at(piece[i], at_end, end);
-        gbt_objective.value(end, work->parameters + i * GBT_END_NUMBERS, 0, value);
-        f -= value[0];
+    gbt_real value[GBT_ROWS], total[GBT_TERMS], (*place)[GBT_PLACE] = work->place;
+    gbt_total(work, piece, total);
+    for (int i = 0; i < work->pieces; i++)
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
             for (int k = 0; k < limit->nodes; k++, place++) {
@@ -166,17 +171,17 @@ gbt_real gbt_evaluate(gbt_workspace *work, gbt_piece piece[], gbt_real *y)
                     *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening[q];
             }
         }
-    }
-    return f;
+    return -gbt_gain(total);
 }
 
 void gbt_differentiate(gbt_workspace *work)
 {
     gbt_real end[GBT_POINT], slope[GBT_POINT], (*place)[GBT_PLACE] = work->place;
     gbt_real *jacobian = work->jacobian;
+    gbt_value_sums(work);
     for (int i = 0; i < work->pieces; i++) {
         point_at(work->piece[i], at_end, end);
-        gbt_objective.gradient(end, work->parameters + i * GBT_END_NUMBERS, 0, slope);
+        gbt_objective.gradient(end, work->parameters + i * GBT_END_NUMBERS, work->worth, slope);
         for (int a = 0; a < GBT_POINT; a++) slope[a] = -slope[a];
         for (int l = 0; l < GBT_ORDERS; l++)
             for (int j = 0; j < GBT_FLAT; j++) work->gradient[i][l][j] = 0;
@@ -260,11 +265,12 @@ void gbt_assemble(gbt_workspace *work)
     gbt_real end[GBT_POINT], entry[GBT_NODES_MOST][GBT_ENTRIES], weights[2 * GBT_ROWS], (*place)[GBT_PLACE] = work->place;
     gbt_real sums[GBT_ENTRIES * POWERS], part[GBT_TRIANGLE], lower[GBT_TRIANGLE];
     const gbt_real *lambda = work->lambda, *sigma = work->sigma, *jacobian = work->jacobian;
-    const gbt_real weight = -1;
+    gbt_real weight[GBT_TERMS];
 
+    for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
     for (int i = 0; i < work->pieces; i++) {
         point_at(work->piece[i], at_end, end);
-        gbt_objective.hessian(end, work->parameters + i * GBT_END_NUMBERS, &weight, entry[0]);
+        gbt_objective.hessian(end, work->parameters + i * GBT_END_NUMBERS, weight, entry[0]);
         gbt_objective.spread(entry[0], 0, 0, lower);
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
@@ -284,3 +290,7 @@ void gbt_assemble(gbt_workspace *work)
         fill(lower, work->curvature[i]);
     }
 }
+
+#if GBT_SUMS
+void gbt_end_point(gbt_workspace *work, int i, gbt_real *point) { point_at(work->piece[i], at_end, point); }
+#endif

@@ -1,6 +1,7 @@
 #include "gbt_plan.h"
 
 #include "gbt_check.h"
+#include "gbt_coupling.h"
 #include "gbt_form.h"
 #include "gbt_interior.h"
 #include "gbt_math.h"
@@ -165,16 +166,18 @@ static void judge(const gbt_planner *planner, const gbt_real *state, const gbt_r
 static void complete(const gbt_real *state, const gbt_real *parameters, gbt_plan_result *plan)
 {
     gbt_piece piece;
-    plan->objective = 0;
+    gbt_real total[GBT_TERMS];
+    for (int k = 0; k < GBT_TERMS; k++) total[k] = 0;
     for (int a = 0; a < GBT_STATE; a++) *gbt_inherited(piece, a) = state[a];
     for (int i = 0; i < GBT_PIECES; i++) {
         for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = plan->top[i][a];
         for (int k = 0; k < GBT_PROFILE; k++)
             gbt_inputs_after(piece, (gbt_real)k / (GBT_PROFILE - 1), plan->thrust[i][k]);
-        plan->objective += gbt_term(piece, parameters + i * GBT_END_NUMBERS);
+        gbt_add_terms(piece, parameters + i * GBT_END_NUMBERS, total);
         gbt_end_of(piece, plan->endpoints[i], plan->rates[i]);
         gbt_next_piece(piece, piece);
     }
+    plan->objective = gbt_gain(total);
 }
 
 /* A step from a start that is relative to the origin of the numbers. */

@@ -33,11 +33,9 @@ static void add_rest(gbt_real rest[GBT_STATE][GBT_STATE], gbt_real own[GBT_PIECE
         }
 }
 
-int gbt_factorise(gbt_workspace *work, gbt_real delta)
+/* What is added to the diagonals: of the model at the end of a piece, and of what is free in it. */
+static void damp(gbt_real delta, gbt_real damping[GBT_PIECE])
 {
-    gbt_real rest[GBT_STATE][GBT_STATE], h[GBT_PIECE][GBT_PIECE], damping[GBT_PIECE];
-    for (int a = 0; a < GBT_STATE; a++)
-        for (int c = 0; c < GBT_STATE; c++) rest[a][c] = 0;
     for (int a = 0; a < GBT_PIECE; a++) damping[a] = 0;
     gbt_real reach[GBT_FLAT]; /* what an input of one changes a derivative by within a piece */
     for (int j = 0; j < GBT_FLAT; j++) reach[j] = gbt_input_scale[j];
@@ -48,11 +46,51 @@ int gbt_factorise(gbt_workspace *work, gbt_real delta)
     /* what the derivatives at the end do not see */
     for (int a = GBT_FLAT; a < GBT_FREE; a++)
         damping[GBT_STATE + a] = delta / (gbt_input_scale[a] * gbt_input_scale[a]);
+}
+
+/* Quadratic model from piece i on. */
+static void add_piece(gbt_workspace *work, int i, const gbt_real damping[GBT_PIECE],
+                      gbt_real rest[GBT_STATE][GBT_STATE], gbt_real h[GBT_PIECE][GBT_PIECE])
+{
+    for (int a = GBT_FLAT; a < GBT_STATE; a++) rest[a][a] += damping[a];
+    add_rest(rest, work->curvature[i], h);
+    for (int a = GBT_STATE + GBT_FLAT; a < GBT_PIECE; a++) h[a][a] += damping[a];
+}
+
+#if GBT_SUMS /* the recursion is that of gbt_coupling.c */
+void gbt_end_model(const gbt_workspace *work, gbt_real rest[GBT_STATE][GBT_STATE])
+{
+    (void)work;
+    for (int a = 0; a < GBT_STATE; a++)
+        for (int c = 0; c < GBT_STATE; c++) rest[a][c] = 0;
+}
+
+void gbt_piece_model(gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],
+                     gbt_real h[GBT_PIECE][GBT_PIECE])
+{
+    gbt_real damping[GBT_PIECE];
+    damp(delta, damping);
+    add_piece(work, i, damping, rest, h);
+}
+
+void gbt_end_slopes(const gbt_workspace *work, int i, gbt_real slopes[GBT_STATE][GBT_PIECE])
+{
+    (void)work;
+    (void)i;
+    for (int a = 0; a < GBT_STATE; a++) {
+        for (int c = 0; c < GBT_PIECE; c++) slopes[a][c] = 0;
+        for (int k = 0; a + k * GBT_FLAT < GBT_PIECE; k++) slopes[a][a + k * GBT_FLAT] = at_end[k];
+    }
+}
+#else
+int gbt_factorise(gbt_workspace *work, gbt_real delta)
+{
+    gbt_real rest[GBT_STATE][GBT_STATE], h[GBT_PIECE][GBT_PIECE], damping[GBT_PIECE];
+    for (int a = 0; a < GBT_STATE; a++)
+        for (int c = 0; c < GBT_STATE; c++) rest[a][c] = 0;
+    damp(delta, damping);
     for (int i = work->pieces - 1; i >= 0; i--) {
-        /* Quadratic model from this piece on. */
-        for (int a = GBT_FLAT; a < GBT_STATE; a++) rest[a][a] += damping[a];
-        add_rest(rest, work->curvature[i], h);
-        for (int a = GBT_STATE + GBT_FLAT; a < GBT_PIECE; a++) h[a][a] += damping[a];
+        add_piece(work, i, damping, rest, h);
         if (!gbt_eliminate_free(h, work->factor[i], work->gain[i], rest)) return 0;
     }
     return 1;
@@ -86,3 +124,4 @@ void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[])
         if (i + 1 < work->pieces) gbt_next_piece(work->step[i], work->step[i + 1]);
     }
 }
+#endif

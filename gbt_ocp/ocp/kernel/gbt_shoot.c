@@ -1,6 +1,7 @@
 /* The form of a trajectory that follows from the inputs by integration: every trajectory obeys the dynamics. */
 #include "gbt_form.h"
 
+#include "gbt_coupling.h"
 #include "gbt_math.h"
 
 #define INPUTS(piece) ((piece) + GBT_STATE)
@@ -49,14 +50,24 @@ void gbt_brake(const gbt_real *start, gbt_real *top)
 /* What the objective of a piece looks at: the state at its end, or its beginning and inputs. */
 static gbt_real *seen_by_objective(gbt_piece piece[], int i) { return piece[i + GBT_COST_AT_END]; }
 
-gbt_real gbt_term(gbt_piece piece, const gbt_real *numbers)
+void gbt_add_terms(gbt_piece piece, const gbt_real *numbers, gbt_real *total)
 {
     gbt_piece seen;
-    gbt_real value;
+    gbt_real value[GBT_TERMS];
     for (int a = 0; a < GBT_PIECE; a++) seen[a] = piece[a];
     if (GBT_COST_AT_END) gbt_next_piece(piece, seen);
-    gbt_objective.value(seen, numbers, 0, &value);
-    return value;
+    gbt_objective.value(seen, numbers, 0, value);
+    for (int k = 0; k < GBT_TERMS; k++) total[k] += value[k];
+}
+
+void gbt_total(const gbt_workspace *work, gbt_piece piece[], gbt_real *total)
+{
+    gbt_real value[GBT_TERMS];
+    for (int k = 0; k < GBT_TERMS; k++) total[k] = work->before[k];
+    for (int i = 0; i < work->pieces; i++) {
+        gbt_objective.value(seen_by_objective(piece, i), work->parameters + i * GBT_END_NUMBERS, 0, value);
+        for (int k = 0; k < GBT_TERMS; k++) total[k] += value[k];
+    }
 }
 
 void gbt_inputs_after(gbt_piece piece, gbt_real share, gbt_real *inputs) { gbt_stage_inputs(piece, &share, 0, inputs); }
@@ -95,10 +106,9 @@ static void place_at(const gbt_workspace *work, gbt_piece piece[], int i, gbt_re
 
 gbt_real gbt_evaluate(gbt_workspace *work, gbt_piece piece[], gbt_real *y)
 {
-    gbt_real value[GBT_ROWS], (*place)[GBT_PLACE] = work->place, f = 0;
-    for (int i = 0; i < work->pieces; i++) {
-        gbt_objective.value(seen_by_objective(piece, i), work->parameters + i * GBT_END_NUMBERS, 0, value);
-        f -= value[0];
+    gbt_real value[GBT_ROWS], total[GBT_TERMS], (*place)[GBT_PLACE] = work->place;
+    gbt_total(work, piece, total);
+    for (int i = 0; i < work->pieces; i++)
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
             for (int k = 0; k < limit->nodes; k++, place++) {
@@ -108,17 +118,18 @@ gbt_real gbt_evaluate(gbt_workspace *work, gbt_piece piece[], gbt_real *y)
                     *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening[q];
             }
         }
-    }
-    return f;
+    return -gbt_gain(total);
 }
 
 void gbt_objective_slopes(gbt_workspace *work)
 {
     gbt_real slope[GBT_PIECE];
+    gbt_value_sums(work);
     for (int i = 0; i <= work->pieces; i++)
         for (int a = 0; a < GBT_PIECE; a++) work->gradient[i][a] = 0;
     for (int i = 0; i < work->pieces; i++) {
-        gbt_objective.gradient(seen_by_objective(work->piece, i), work->parameters + i * GBT_END_NUMBERS, 0, slope);
+        gbt_objective.gradient(seen_by_objective(work->piece, i), work->parameters + i * GBT_END_NUMBERS, work->worth,
+                               slope);
         gbt_real *gradient = seen_by_objective(work->gradient, i);
         for (int a = 0; a < GBT_PIECE; a++) gradient[a] = -slope[a];
     }
@@ -186,13 +197,14 @@ void gbt_assemble(gbt_workspace *work)
 {
     gbt_real entry[GBT_ENTRIES], weights[2 * GBT_ROWS], (*place)[GBT_PLACE] = work->place;
     const gbt_real *lambda = work->lambda, *sigma = work->sigma, *jacobian = work->jacobian;
-    const gbt_real weight = -1;
+    gbt_real weight[GBT_TERMS];
 
+    for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
     for (int i = 0; i <= work->pieces; i++)
         for (int a = 0; a < GBT_PIECE; a++)
             for (int c = 0; c <= a; c++) work->curvature[i][a][c] = 0;
     for (int i = 0; i < work->pieces; i++) {
-        gbt_objective.hessian(seen_by_objective(work->piece, i), work->parameters + i * GBT_END_NUMBERS, &weight, entry);
+        gbt_objective.hessian(seen_by_objective(work->piece, i), work->parameters + i * GBT_END_NUMBERS, weight, entry);
         add(entry, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column,
             work->curvature[i + GBT_COST_AT_END]);
         gbt_stage_curvature(work->piece[i], work->pull[i + 1], 0, work->bend[i]);
@@ -212,3 +224,10 @@ void gbt_assemble(gbt_workspace *work)
         }
     }
 }
+
+#if GBT_SUMS
+void gbt_end_point(gbt_workspace *work, int i, gbt_real *point)
+{
+    for (int a = 0; a < GBT_PIECE; a++) point[a] = work->piece[i + GBT_COST_AT_END][a];
+}
+#endif

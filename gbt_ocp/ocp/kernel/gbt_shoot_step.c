@@ -31,27 +31,55 @@ static void add_rest(gbt_real slopes[GBT_STATE][GBT_PIECE], gbt_real rest[GBT_ST
     }
 }
 
+static void begin_rest(const gbt_workspace *work, gbt_real rest[GBT_STATE][GBT_STATE])
+{
+    for (int a = 0; a < GBT_STATE; a++)
+        for (int c = 0; c <= a; c++) rest[a][c] = rest[c][a] = work->curvature[work->pieces][a][c];
+}
+
+/* Quadratic model from piece i on. */
+static void add_piece(gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],
+                      gbt_real h[GBT_PIECE][GBT_PIECE])
+{
+    for (int a = 0; a < GBT_PIECE; a++)
+        for (int c = 0; c <= a; c++) h[a][c] = h[c][a] = work->curvature[i][a][c];
+    for (int a = 0; a < gbt_stage_entries && delta <= 0; a++) {
+        const int row = gbt_stage_row[a], column = gbt_stage_column[a];
+        h[row][column] += work->bend[i][a];
+        h[column][row] = h[row][column];
+    }
+    for (int a = 0; a < GBT_FREE; a++)
+        h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
+    for (int a = 0; a < GBT_DIMENSION && delta > 0; a++) rest[a][a] += PLACE * delta;
+    add_rest(work->slopes[i], rest, h);
+}
+
+#if GBT_SUMS /* the recursion is that of gbt_coupling.c */
+void gbt_end_model(const gbt_workspace *work, gbt_real rest[GBT_STATE][GBT_STATE]) { begin_rest(work, rest); }
+
+void gbt_piece_model(gbt_workspace *work, int i, gbt_real delta, gbt_real rest[GBT_STATE][GBT_STATE],
+                     gbt_real h[GBT_PIECE][GBT_PIECE])
+{
+    add_piece(work, i, delta, rest, h);
+}
+
+void gbt_end_slopes(const gbt_workspace *work, int i, gbt_real slopes[GBT_STATE][GBT_PIECE])
+{
+    for (int r = 0; r < GBT_STATE; r++)
+        for (int a = 0; a < GBT_PIECE; a++) slopes[r][a] = work->slopes[i][r][a];
+}
+#else
 int gbt_factorise(gbt_workspace *work, gbt_real delta)
 {
     gbt_real rest[GBT_STATE][GBT_STATE], h[GBT_PIECE][GBT_PIECE];
-    for (int a = 0; a < GBT_STATE; a++)
-        for (int c = 0; c <= a; c++) rest[a][c] = rest[c][a] = work->curvature[work->pieces][a][c];
+    begin_rest(work, rest);
     for (int i = work->pieces - 1; i >= 0; i--) {
-        for (int a = 0; a < GBT_PIECE; a++)
-            for (int c = 0; c <= a; c++) h[a][c] = h[c][a] = work->curvature[i][a][c];
-        for (int a = 0; a < gbt_stage_entries && delta <= 0; a++) {
-            const int row = gbt_stage_row[a], column = gbt_stage_column[a];
-            h[row][column] += work->bend[i][a];
-            h[column][row] = h[row][column];
-        }
-        for (int a = 0; a < GBT_FREE; a++)
-            h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
-        for (int a = 0; a < GBT_DIMENSION && delta > 0; a++) rest[a][a] += PLACE * delta;
-        add_rest(work->slopes[i], rest, h);
+        add_piece(work, i, delta, rest, h);
         if (!gbt_eliminate_free(h, work->factor[i], work->gain[i], rest)) return 0;
     }
     return 1;
 }
+#endif
 
 /* The change of the inputs of a piece for a part alpha of the step where its state has changed by so much. */
 static void follow(gbt_workspace *work, int i, gbt_real alpha, const gbt_real *state, gbt_real *inputs)
@@ -71,6 +99,7 @@ void gbt_follow_gains(gbt_workspace *work, int i, gbt_real part, const gbt_real 
     for (int a = 0; a < GBT_FREE; a++) inputs[a] += work->piece[i][GBT_STATE + a];
 }
 
+#if !GBT_SUMS
 /* The same for a start that is elsewhere by so much. */
 void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *change)
 {
@@ -96,6 +125,8 @@ void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *ch
     }
     for (int a = 0; a < GBT_FREE; a++) work->step[work->pieces][GBT_STATE + a] = 0;
 }
+
+#endif
 
 void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[])
 {

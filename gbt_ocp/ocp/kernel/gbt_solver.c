@@ -32,10 +32,12 @@ static void load(const gbt_real *start, const gbt_real *parameters, int first, i
     work->count = GBT_COUNT / GBT_PIECES * pieces;
     work->parameters = parameters + first * GBT_END_NUMBERS;
     work->moving = parameters + GBT_LIMIT_NUMBERS + first * GBT_KNOT_NUMBERS;
+    for (int k = 0; k < GBT_TERMS; k++) work->before[k] = 0;
     for (int a = 0; a < GBT_STATE; a++) *gbt_inherited(work->piece[0], a) = start[a];
     for (int i = 0; i < first + pieces; i++) {
         gbt_piece *piece = &work->piece[i < first ? 0 : i - first];
         for (int a = 0; a < GBT_FREE; a++) *gbt_free(*piece, a) = u[i * GBT_FREE + a] * gbt_input_scale[a];
+        if (i < first && GBT_SUMS) gbt_add_terms(*piece, parameters + i * GBT_END_NUMBERS, work->before);
         if (i < first) gbt_next_piece(*piece, *piece);
     }
     gbt_propagate(work->piece, pieces);

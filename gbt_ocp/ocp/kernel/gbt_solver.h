@@ -30,6 +30,7 @@ typedef gbt_real gbt_piece[GBT_PIECE];
 #define GBT_ROWS_OF_PIECES GBT_PIECES
 typedef gbt_real gbt_piece[GBT_ORDERS][GBT_FLAT];
 #endif
+#define GBT_TERMS (1 + GBT_SUMS) /* of the objective: the one that is a sum itself, and the sums that it is a function of */
 #define GBT_PLACE (GBT_POINT + GBT_KNOT_NUMBERS) /* the same, and the numbers that constraints need at that time */
 
 /* numbers that change from solve to solve: of the objective at the endpoints, then of the limits at the boundaries */
@@ -89,6 +90,13 @@ typedef struct {
     gbt_real factor[GBT_PIECES][GBT_FREE][GBT_FREE];
     gbt_real gain[GBT_PIECES][GBT_FREE][GBT_STATE];
     gbt_real push[GBT_PIECES][GBT_FREE];
+    /* the objective: terms and sums of the pieces before the first, and what f falls by where one of them grows */
+    gbt_real before[GBT_TERMS], worth[GBT_TERMS];
+#if GBT_SUMS
+    gbt_real bond[GBT_SUMS][GBT_SUMS]; /* second derivatives of f by the sums */
+    gbt_real sum_slopes[GBT_PIECES][GBT_SUM_COLUMNS][GBT_SUMS]; /* by what the state at the end of a piece begins with */
+    gbt_real sum_gain[GBT_PIECES][GBT_FREE][GBT_SUMS];
+#endif
     /* limits: y = e + s - t - width, with weight c, multipliers lambda of t and c - lambda of s */
     gbt_real c[GBT_SIDES], inverse[GBT_SIDES], width[GBT_SIDES];
     gbt_real y[GBT_SIDES], y_trial[GBT_SIDES], dy[GBT_SIDES];

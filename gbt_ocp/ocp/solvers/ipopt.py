@@ -14,7 +14,7 @@ from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.problem_data import PosedProblem, ProblemData, ShootingData
 from gbt_ocp.ocp.shooting_transcription import transcribe_shooting
 from gbt_ocp.ocp.solvers.base import Solution
-from gbt_ocp.ocp.transcription import Transcription, continuation, transcribe
+from gbt_ocp.ocp.transcription import Transcription, transcribe
 from gbt_ocp.typing import Array
 
 DEFAULT_OPTIONS: dict[str, Any] = {
@@ -229,3 +229,11 @@ def _program_of(problem: PosedProblem) -> Transcription:
         return transcribe_shooting(problem)
     assert isinstance(problem, ProblemData), "there are no others"
     return transcribe(problem)
+
+
+def continuation(width: float, weight: float) -> list[tuple[float, float]]:
+    """Stages (ϖ, w_p) that lead from an easy penalty to the one asked for, each solved from the last one's solution.
+
+    At ϖ = 0.01 and w_p = 1000 they are (0.5, 10), (0.1, 100), (0.01, 1000).
+    """
+    return [(50.0 * width, weight / 100.0), (10.0 * width, weight / 10.0), (width, weight)]

@@ -24,8 +24,8 @@ const gbt_own_state *gbt_latest(const gbt_pilot *pilot)
 void gbt_carry_on(const gbt_pilot *pilot, const gbt_own_state *own, double time, gbt_real *z, gbt_real *dz)
 {
     const gbt_own_state *last = gbt_latest(pilot);
-    const double since = last->time - pilot->decided_at + pilot->guidance.elapsed;
-    const int on_plan = pilot->following && since >= 0 && last->time < time &&
+    const double since = last ? last->time - pilot->decided_at + pilot->guidance.elapsed : -1;
+    const int on_plan = last && pilot->following && since >= 0 && last->time < time &&
                         time <= last->time + gbt_pilot_numbers.navigation_gap;
     for (int j = 0; j < GBT_FLAT; j++) {
         z[j] = on_plan ? last->pose[j] : own->pose[j];

@@ -4,6 +4,7 @@
 
 #define D GBT_DIMENSION
 #define R GBT_ROWS_OF_WINDOW
+#define ROW GBT_ROW
 #define SMALLEST_NUGGET ((gbt_real)1e-17)
 #define LARGEST_NUGGET ((gbt_real)1e-2)
 
@@ -19,7 +20,13 @@ static void begin(gbt_gp *process, const gbt_gp_settings *settings, int known, c
     for (int k = 0; k < D; k++) {
         process->start[k] = start[k];
         process->centre[k] = known ? settings->known_mean[k] : settings->on_vehicle ? start[k] : 0;
+        process->known_mean[k] = settings->known_mean[k];
+        process->known_variance[k] = settings->known_variance[k];
+        for (int j = 0; j < D; j++) process->known_axis[k][j] = settings->known_axis[k][j];
     }
+#if GBT_BREAKS
+    gbt_breaks_begin(&process->breaks);
+#endif
     for (int p = 0; p < GBT_TUNABLE; p++) process->log_theta[p] = settings->tuning.first[p];
 }
 
@@ -29,114 +36,183 @@ void gbt_gp_begin(gbt_gp *process, const gbt_gp_settings *settings, const gbt_re
     begin(process, settings, settings->known, start);
 }
 
-/* Whether the first bearing, to which the known position belongs, is still in the window. */
+/* Whether the bearing to which the known position belongs is still in the window. */
 static int known_in_window(const gbt_gp *process)
 {
-    return process->known && (!process->begun || process->time[0] <= process->known_time);
+    return process->known && (!process->begun || process->window[0].time <= process->known_time);
 }
 
 /* Rows of the window, with those of the known position while its time is in it. */
-static void rows_of(const gbt_gp *process, const gbt_gp_settings *settings, gbt_gp_rows *rows)
+static void rows_of(const gbt_gp *process, gbt_gp_rows *rows)
 {
     int r = 0;
+    rows->zero = process->count > 0 ? process->window[0].time : process->known_time;
     for (int k = 0; k < process->count; k++) {
-        gbt_real basis[GBT_AXES][D];
-        gbt_tangent_basis(process->bearing[k], basis);
+        const gbt_sample *sample = &process->window[k];
+        gbt_real basis[GBT_AXES][D], own[D];
+        for (int j = 0; j < D; j++) own[j] = sample->own[j] - process->centre[j];
+        gbt_tangent_basis(sample->bearing, basis);
         for (int a = 0; a < GBT_AXES; a++, r++) {
-            rows->time[r] = process->time[k];
+            rows->time[r] = gbt_widen_double(sample->time - rows->zero);
             rows->variance[r] = 0;
             for (int j = 0; j < D; j++) rows->direction[r][j] = basis[a][j];
-            rows->value[r] = gbt_dot(basis[a], process->own[k]) - gbt_dot(basis[a], process->centre);
+            rows->value[r] = gbt_dot(basis[a], own);
         }
     }
     rows->noisy = known_in_window(process);
     for (int a = 0; rows->noisy && a < D; a++, r++) {
-        rows->time[r] = process->known_time;
-        rows->variance[r] = settings->known_variance[a];
-        for (int j = 0; j < D; j++) rows->direction[r][j] = settings->known_axis[a][j];
-        rows->value[r] = gbt_dot(settings->known_axis[a], settings->known_mean) -
-                         gbt_dot(settings->known_axis[a], process->centre);
+        rows->time[r] = gbt_widen_double(process->known_time - rows->zero);
+        rows->variance[r] = process->known_variance[a];
+        for (int j = 0; j < D; j++) rows->direction[r][j] = process->known_axis[a][j];
+        rows->value[r] = 0;
+        for (int j = 0; j < D; j++)
+            rows->value[r] += process->known_axis[a][j] * (process->known_mean[j] - process->centre[j]);
     }
     rows->rows = r;
 }
 
-int gbt_gp_add(gbt_gp *process, const gbt_gp_settings *settings, double time, const gbt_real *bearing, const gbt_real *own)
-{
-    gbt_gp_rows rows;
-    if (!isfinite(time)) return 0;
-    for (int k = 0; k < D; k++)
-        if (!isfinite(bearing[k]) || !isfinite(own[k])) return 0;
-    if (process->count > 0 && !(time > process->time[process->count - 1])) return 0;
-    if (gbt_gap_ended(&process->gaps, time)) begin(process, settings, 0, own);
-    for (int i = 1; process->count == GBT_WINDOW && i < GBT_WINDOW; i++) {
-        process->time[i - 1] = process->time[i];
-        for (int k = 0; k < D; k++) {
-            process->bearing[i - 1][k] = process->bearing[i][k];
-            process->own[i - 1][k] = process->own[i][k];
-        }
-    }
-    if (process->count == GBT_WINDOW) process->count--;
-    process->time[process->count] = time;
-    for (int k = 0; k < D; k++) {
-        process->bearing[process->count][k] = bearing[k];
-        process->own[process->count][k] = own[k];
-    }
-    process->count++;
-    if (!process->begun) process->known_time = time;
-    process->begun = 1;
-    for (int k = 0; k < D; k++)
-        process->centre[k] = known_in_window(process) ? settings->known_mean[k] : settings->on_vehicle ? own[k] : 0;
-    rows_of(process, settings, &rows);
-    gbt_gp_tune(&settings->tuning, &rows, process->log_theta);
-    return 1;
-}
-
 /* The factor of the covariance of the rows, with the nugget multiplied by ten as often as that needs; 0 if no nugget
    helps. */
-static int conditioned(const gbt_gp *process, const gbt_gp_settings *settings, const gbt_gp_rows *rows,
-                       gbt_real factor[R][R])
+static int conditioned(const gbt_gp *process, const gbt_gp_settings *settings, const gbt_gp_rows *rows, gbt_real *nugget,
+                       gbt_wide factor[GBT_PACKED])
 {
-    gbt_real nugget = GBT_TUNED_NUGGET ? gbt_exp(process->log_theta[GBT_TUNABLE - 1]) : settings->tuning.nugget;
+    *nugget = GBT_TUNED_NUGGET ? gbt_exp(process->log_theta[GBT_TUNABLE - 1]) : settings->tuning.nugget;
     for (;;) {
-        gbt_gp_covariance(rows, process->log_theta, nugget, factor);
-        if (gbt_factor(&factor[0][0], rows->rows, R)) return 1;
-        if (!(nugget < LARGEST_NUGGET)) return 0;
-        nugget = gbt_fmin(10 * gbt_fmax(nugget, SMALLEST_NUGGET), LARGEST_NUGGET);
+        gbt_gp_covariance(rows, process->log_theta, *nugget, factor, 0);
+        if (gbt_factor(factor, rows->rows)) return 1;
+        if (!(*nugget < LARGEST_NUGGET)) return 0;
+        *nugget = gbt_fmin(10 * gbt_fmax(*nugget, SMALLEST_NUGGET), LARGEST_NUGGET);
+    }
+}
+
+/* A posterior: the rows, the factor of their covariance, L^-1 times their values, and the prior variance. */
+typedef struct {
+    gbt_gp_rows rows;
+    int sound; /* whether there is one */
+    gbt_real nugget, variance;
+    gbt_wide factor[GBT_PACKED], values[R];
+} posterior;
+
+static void condition(const gbt_gp *process, const gbt_gp_settings *settings, posterior *of)
+{
+    rows_of(process, &of->rows);
+    of->variance = gbt_exp(2 * process->log_theta[GBT_SHAPES]);
+    of->sound = conditioned(process, settings, &of->rows, &of->nugget, of->factor);
+    for (int i = 0; i < of->rows.rows; i++) {
+        gbt_wide rest = gbt_widen(of->rows.value[i]);
+        for (int k = 0; k < i; k++) rest = gbt_less(rest, of->factor[ROW(i) + k], of->values[k]);
+        of->values[i] = gbt_over(rest, of->factor[ROW(i) + i]);
+    }
+}
+
+/* The mean and the covariance at a time. */
+static void predict(const gbt_gp *process, const posterior *of, double time, gbt_real *mean, gbt_real *covariance)
+{
+    gbt_wide cross[R][D];
+    const int n = of->rows.rows;
+    const gbt_wide now = gbt_widen_double(time - of->rows.zero);
+    for (int i = 0; i < n; i++) {
+        const gbt_wide lag = gbt_plus(of->rows.time[i], gbt_negative(now));
+        const gbt_wide k = gbt_times(gbt_widen(of->variance), gbt_gp_kernel(lag, process->log_theta, 0));
+        for (int a = 0; a < D; a++) {
+            gbt_wide rest = gbt_times(k, gbt_widen(of->rows.direction[i][a]));
+            for (int j = 0; j < i; j++) rest = gbt_less(rest, of->factor[ROW(i) + j], cross[j][a]);
+            cross[i][a] = gbt_over(rest, of->factor[ROW(i) + i]);
+        }
+    }
+    for (int a = 0; a < D; a++) {
+        gbt_wide sum = gbt_widen(process->centre[a]);
+        for (int i = 0; i < n; i++) sum = gbt_more(sum, cross[i][a], of->values[i]);
+        mean[a] = of->sound ? gbt_narrow(sum) : (gbt_real)NAN;
+        for (int b = 0; b < D; b++) {
+            gbt_wide rest = gbt_widen(a == b ? of->variance : 0);
+            for (int i = 0; i < n; i++) rest = gbt_less(rest, cross[i][a], cross[i][b]);
+            covariance[a * D + b] = gbt_narrow(rest);
+        }
     }
 }
 
 void gbt_gp_predict(const gbt_gp *process, const gbt_gp_settings *settings, double time, double period, int count,
                     gbt_real *mean, gbt_real *covariance)
 {
+    posterior now;
+    condition(process, settings, &now);
+    for (int t = 0; t < count; t++)
+        predict(process, &now, time + period * t, &mean[t * D], &covariance[t * D * D]);
+}
+
+#if GBT_BREAKS
+/* Keeps the latest bearing, the first after a break, and where the target was then. */
+static void cut(gbt_gp *process, const gbt_gp_settings *settings, const gbt_real *mean, gbt_real deviation)
+{
+    process->window[0] = process->suspect;
+    process->count = 1;
+    process->known = 1;
+    process->known_time = process->suspect.time;
+    for (int k = 0; k < D; k++) {
+        process->known_mean[k] = mean[k];
+        process->known_variance[k] = deviation * deviation;
+        for (int j = 0; j < D; j++) process->known_axis[k][j] = j == k;
+    }
+    for (int p = 0; p < GBT_TUNABLE; p++) process->log_theta[p] = settings->tuning.first[p];
+}
+
+/* Judges a bearing before it is taken in. */
+static gbt_gp_taken judge(gbt_gp *process, const gbt_gp_settings *settings, const gbt_sample *sample)
+{
+    posterior before;
+    gbt_real mean[D], covariance[D * D], deviation = 0;
+    condition(process, settings, &before);
+    predict(process, &before, sample->time, mean, covariance);
+    if (gbt_breaks_judge(&process->breaks, mean, covariance, before.variance * before.nugget, sample->bearing, sample->own,
+                         &deviation)) {
+        predict(process, &before, process->suspect.time, mean, covariance);
+        cut(process, settings, mean, deviation);
+        return GBT_GP_BROKEN;
+    }
+    if (!process->breaks.suspects) return GBT_GP_TAKEN;
+    process->suspect = *sample;
+    return GBT_GP_WAITS;
+}
+#endif
+
+/* Whether a sample is finite and after the last one. */
+static int sound_sample(const gbt_gp *process, const gbt_sample *sample)
+{
+    if (!isfinite(sample->time)) return 0;
+    for (int k = 0; k < D; k++)
+        if (!isfinite(sample->bearing[k]) || !isfinite(sample->own[k])) return 0;
+#if GBT_BREAKS
+    if (process->breaks.suspects && !(sample->time > process->suspect.time)) return 0;
+#endif
+    return process->count == 0 || sample->time > process->window[process->count - 1].time;
+}
+
+gbt_gp_taken gbt_gp_add(gbt_gp *process, const gbt_gp_settings *settings, double time, const gbt_real *bearing,
+                        const gbt_real *own)
+{
+    gbt_gp_taken taken = GBT_GP_TAKEN;
     gbt_gp_rows rows;
-    gbt_real factor[R][R], values[R], cross[R][D];
-    const gbt_real variance = gbt_exp(2 * process->log_theta[GBT_SHAPES]);
-    rows_of(process, settings, &rows);
-    const int n = rows.rows, sound = conditioned(process, settings, &rows, factor);
-    for (int i = 0; i < n; i++) {
-        values[i] = rows.value[i];
-        for (int k = 0; k < i; k++) values[i] -= factor[i][k] * values[k];
-        values[i] /= factor[i][i];
+    gbt_sample sample;
+    sample.time = time;
+    for (int k = 0; k < D; k++) {
+        sample.bearing[k] = bearing[k];
+        sample.own[k] = own[k];
     }
-    for (int t = 0; t < count; t++) {
-        const double when = time + period * t;
-        for (int i = 0; i < n; i++) {
-            const gbt_real k = variance * gbt_gp_kernel((gbt_real)(rows.time[i] - when), process->log_theta, 0);
-            for (int a = 0; a < D; a++) {
-                cross[i][a] = k * rows.direction[i][a];
-                for (int j = 0; j < i; j++) cross[i][a] -= factor[i][j] * cross[j][a];
-                cross[i][a] /= factor[i][i];
-            }
-        }
-        for (int a = 0; a < D; a++) {
-            gbt_real sum = process->centre[a];
-            for (int i = 0; i < n; i++) sum += cross[i][a] * values[i];
-            mean[t * D + a] = sound ? sum : (gbt_real)NAN;
-            for (int b = 0; b < D; b++) {
-                gbt_real rest = a == b ? variance : 0;
-                for (int i = 0; i < n; i++) rest -= cross[i][a] * cross[i][b];
-                covariance[(t * D + a) * D + b] = rest;
-            }
-        }
-    }
+    if (!sound_sample(process, &sample)) return GBT_GP_REFUSED;
+    if (gbt_gap_ended(&process->gaps, time)) begin(process, settings, 0, own);
+#if GBT_BREAKS
+    else if (process->begun) taken = judge(process, settings, &sample);
+    if (taken == GBT_GP_WAITS) return taken;
+#endif
+    for (int i = 1; process->count == GBT_WINDOW && i < GBT_WINDOW; i++) process->window[i - 1] = process->window[i];
+    if (process->count == GBT_WINDOW) process->count--;
+    process->window[process->count++] = sample;
+    if (!process->begun) process->known_time = time;
+    process->begun = 1;
+    for (int k = 0; k < D; k++)
+        process->centre[k] = known_in_window(process) ? process->known_mean[k] : settings->on_vehicle ? own[k] : 0;
+    rows_of(process, &rows);
+    gbt_gp_tune(&settings->tuning, &rows, process->log_theta);
+    return taken;
 }

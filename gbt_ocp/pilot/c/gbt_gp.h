@@ -6,6 +6,7 @@
 
 #include <stddef.h>
 
+#include "gbt_breaks.h"
 #include "gbt_gaps.h"
 #include "gbt_gp_likelihood.h"
 
@@ -19,15 +20,32 @@ typedef struct {
 } gbt_gp_settings;
 
 typedef struct {
+    double time;
+    gbt_real bearing[GBT_DIMENSION], own[GBT_DIMENSION]; /* unit vector, and where it was seen from, m */
+} gbt_sample;
+
+typedef struct {
     gbt_gaps gaps;
     int count; /* samples in the window, the oldest first */
-    double time[GBT_WINDOW];
-    gbt_real bearing[GBT_WINDOW][GBT_DIMENSION], own[GBT_WINDOW][GBT_DIMENSION];
-    int known, begun;  /* whether the prior position still counts; whether there was a bearing */
-    double known_time; /* of the first bearing, to which that position belongs */
+    gbt_sample window[GBT_WINDOW];
+#if GBT_BREAKS
+    gbt_break_watch breaks;
+    gbt_sample suspect; /* the latest bearing, while the watch suspects it */
+#endif
+    int known, begun;  /* whether a known position still counts; whether there was a bearing */
+    double known_time; /* of the bearing to which that position belongs: the first, of the track or after a break */
+    gbt_real known_mean[GBT_DIMENSION], known_axis[GBT_DIMENSION][GBT_DIMENSION], known_variance[GBT_DIMENSION];
     gbt_real start[GBT_DIMENSION], centre[GBT_DIMENSION]; /* of the vehicle at first; the prior mean */
     gbt_real log_theta[GBT_TUNABLE];
 } gbt_gp;
+
+/* What became of a bearing. */
+typedef enum {
+    GBT_GP_REFUSED = 0, /* not finite, or not after the last one */
+    GBT_GP_TAKEN = 1,
+    GBT_GP_WAITS = 2,   /* it is a stray or the first after a break, which the next one says; the old motion goes on */
+    GBT_GP_BROKEN = 3   /* taken, after a break: the window begins with the bearing before it */
+} gbt_gp_taken;
 
 /* Size of a gbt_gp, for callers that do not see the struct. */
 size_t gbt_gp_bytes(void);
@@ -35,9 +53,9 @@ size_t gbt_gp_bytes(void);
 /* Nothing taken yet, with the vehicle at start, GBT_DIMENSION. */
 void gbt_gp_begin(gbt_gp *process, const gbt_gp_settings *settings, const gbt_real *start);
 
-/* Takes a bearing, a unit vector, from an own position, GBT_DIMENSION each, after the time of the last one; 0 where that is
-   not so, or a number is not finite. */
-int gbt_gp_add(gbt_gp *process, const gbt_gp_settings *settings, double time, const gbt_real *bearing, const gbt_real *own);
+/* Takes a bearing, a unit vector, from an own position, GBT_DIMENSION each, after the time of the last one. */
+gbt_gp_taken gbt_gp_add(gbt_gp *process, const gbt_gp_settings *settings, double time, const gbt_real *bearing,
+                        const gbt_real *own);
 
 /* Where the target is at `count` times from `time` on, one every `period`: means and covariances one after the other. */
 void gbt_gp_predict(const gbt_gp *process, const gbt_gp_settings *settings, double time, double period, int count,

@@ -2,34 +2,37 @@
 #ifndef GBT_GP_KERNEL_H
 #define GBT_GP_KERNEL_H
 
-#include "gbt_math.h"
 #include "gbt_pilot_settings.h"
+#include "gbt_wide.h"
 
 GBT_BEGIN_C
 
 enum { GBT_SE = 0, GBT_MATERN32 = 1, GBT_MATERN52 = 2, GBT_RQ = 3 };
 
 /* k at a lag in seconds, and its derivatives by the logarithms of its GBT_SHAPES parameters; slopes may be 0. */
-static inline gbt_real gbt_gp_kernel(gbt_real lag, const gbt_real *log_parameters, gbt_real *slopes)
+static inline gbt_wide gbt_gp_kernel(gbt_wide lag, const gbt_real *log_parameters, gbt_wide *slopes)
 {
-    const gbt_real scaled = lag * gbt_exp(-log_parameters[0]), square = scaled * scaled;
-    gbt_real value, slope;
+    const gbt_wide scaled = gbt_times(lag, gbt_widen(gbt_exp(-log_parameters[0]))), square = gbt_times(scaled, scaled);
+    gbt_wide value, slope;
 #if GBT_KERNEL == 0
-    value = gbt_exp((gbt_real)-0.5 * square);
-    slope = value * square;
+    value = gbt_wide_exp(gbt_times(gbt_widen((gbt_real)-0.5), square));
+    slope = gbt_times(value, square);
 #elif GBT_KERNEL == 1
-    const gbt_real s = gbt_sqrt((gbt_real)3) * gbt_fabs(scaled), decay = gbt_exp(-s);
-    value = (1 + s) * decay;
-    slope = s * s * decay;
+    const gbt_wide s = gbt_root(gbt_times(gbt_widen(3), square)), decay = gbt_wide_exp(gbt_negative(s));
+    value = gbt_times(gbt_plus(gbt_widen(1), s), decay);
+    slope = gbt_times(gbt_times(s, s), decay);
 #elif GBT_KERNEL == 2
-    const gbt_real s = gbt_sqrt((gbt_real)5) * gbt_fabs(scaled), decay = gbt_exp(-s);
-    value = (1 + s + s * s / 3) * decay;
-    slope = s * s * (1 + s) / 3 * decay;
+    const gbt_wide s = gbt_root(gbt_times(gbt_widen(5), square)), decay = gbt_wide_exp(gbt_negative(s));
+    const gbt_wide third = gbt_over(gbt_times(s, s), gbt_widen(3)), grown = gbt_plus(gbt_widen(1), s);
+    value = gbt_times(gbt_plus(grown, third), decay);
+    slope = gbt_times(gbt_times(third, grown), decay);
 #else
-    const gbt_real alpha = gbt_exp(log_parameters[1]), grown = square / (2 * alpha), log_base = gbt_log1p(grown);
-    value = gbt_exp(-alpha * log_base);
-    slope = value * square / (1 + grown);
-    if (slopes) slopes[1] = value * alpha * (grown / (1 + grown) - log_base);
+    const gbt_wide alpha = gbt_widen(gbt_exp(log_parameters[1])), one = gbt_widen(1);
+    const gbt_wide grown = gbt_over(square, gbt_times(gbt_widen(2), alpha)), log_base = gbt_wide_log1p(grown);
+    const gbt_wide share = gbt_over(grown, gbt_plus(one, grown));
+    value = gbt_wide_exp(gbt_negative(gbt_times(alpha, log_base)));
+    slope = gbt_over(gbt_times(value, square), gbt_plus(one, grown));
+    if (slopes) slopes[1] = gbt_times(gbt_times(value, alpha), gbt_plus(share, gbt_negative(log_base)));
 #endif
     if (slopes) slopes[0] = slope;
     return value;

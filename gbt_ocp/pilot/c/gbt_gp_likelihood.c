@@ -4,12 +4,18 @@
 #include "gbt_math.h"
 
 #define R GBT_ROWS_OF_WINDOW
+#define ROW GBT_ROW
 #define P GBT_TUNABLE
 #define SLOPES (GBT_SHAPES + GBT_TUNED_NUGGET + 1) /* shapes, nugget, the rows' own variances */
 #define EVALUATIONS 40                             /* most expansions of the likelihood in one search */
 #define LONGEST_STEP ((gbt_real)2)                 /* largest change of a logarithm in one step */
 #define SMALLEST_FALL ((gbt_real)0.02)             /* of the gradient, over what was expected, that tells of curvature */
 #define GAIN ((gbt_real)1e-5)                      /* expected gain below which a search stops */
+#ifdef GBT_SINGLE
+#define LEAST_LOG_NUGGET ((gbt_real)-30.6) /* 5e-14, about the rounding of a covariance in gbt_wide */
+#else
+#define LEAST_LOG_NUGGET (-GBT_INFINITY)
+#endif
 #define LOG_TWO_PI ((gbt_real)1.8378770664093453)
 
 /* Value, gradient and Fisher information of likelihood times priors. */
@@ -17,20 +23,22 @@ typedef struct {
     gbt_real value, gradient[P], information[P][P];
 } expansion;
 
-int gbt_factor(gbt_real *matrix, int n, int columns)
+int gbt_factor(gbt_wide *lower, int n)
 {
     for (int i = 0; i < n; i++)
-        for (int j = 0; j < n; j++) {
-            gbt_real *entry = &matrix[i * columns + j], rest = *entry;
-            if (j > i) {
-                *entry = 0;
-                continue;
-            }
-            for (int k = 0; k < j; k++) rest -= matrix[i * columns + k] * matrix[j * columns + k];
-            if (j == i && !(rest > 0 && isfinite(rest))) return 0;
-            *entry = j == i ? gbt_sqrt(rest) : rest / matrix[j * columns + j];
+        for (int j = 0; j <= i; j++) {
+            gbt_wide rest = lower[ROW(i) + j];
+            for (int k = 0; k < j; k++) rest = gbt_less(rest, lower[ROW(i) + k], lower[ROW(j) + k]);
+            if (j == i && !(gbt_narrow(rest) > 0 && isfinite(gbt_narrow(rest)))) return 0;
+            lower[ROW(i) + j] = j == i ? gbt_root(rest) : gbt_over(rest, lower[ROW(j) + j]);
         }
     return 1;
+}
+
+/* The lower bound of a parameter: below the least nugget, rounding of the covariance is taken for motion. */
+static gbt_real low_of(const gbt_tuning *tuning, int p)
+{
+    return GBT_TUNED_NUGGET && p == P - 1 ? gbt_fmax(tuning->low[p], LEAST_LOG_NUGGET) : tuning->low[p];
 }
 
 static gbt_real nugget_of(const gbt_tuning *tuning, const gbt_real *log_theta)
@@ -38,60 +46,74 @@ static gbt_real nugget_of(const gbt_tuning *tuning, const gbt_real *log_theta)
     return GBT_TUNED_NUGGET ? gbt_exp(log_theta[P - 1]) : tuning->nugget;
 }
 
-void gbt_gp_covariance(const gbt_gp_rows *rows, const gbt_real *log_theta, gbt_real nugget, gbt_real omega[R][R])
+/* The lag between two rows, and the prior covariance of their directions at one time. */
+static gbt_wide lag_of(const gbt_gp_rows *rows, int i, int j)
 {
-    const gbt_real variance = gbt_exp(2 * log_theta[GBT_SHAPES]);
-    for (int i = 0; i < rows->rows; i++)
-        for (int j = 0; j <= i; j++) {
-            const gbt_real lag = (gbt_real)(rows->time[i] - rows->time[j]);
-            const gbt_real gram = gbt_dot(rows->direction[i], rows->direction[j]);
-            omega[i][j] = variance * gram * gbt_gp_kernel(lag, log_theta, 0);
-            if (i == j) omega[i][i] += variance * nugget + rows->variance[i];
-            omega[j][i] = omega[i][j];
-        }
+    return gbt_plus(rows->time[i], gbt_negative(rows->time[j]));
 }
 
-/* The slopes of the covariance by the shapes, the nugget, and a factor on the rows' own variances. */
-static void slopes_of(const gbt_gp_rows *rows, const gbt_real *log_theta, gbt_real nugget, gbt_real slope[SLOPES][R][R])
+static gbt_wide gram_of(const gbt_gp_rows *rows, int i, int j, gbt_real variance)
 {
-    const gbt_real variance = gbt_exp(2 * log_theta[GBT_SHAPES]);
-    for (int i = 0; i < rows->rows; i++)
-        for (int j = 0; j <= i; j++) {
-            gbt_real shapes[GBT_SHAPES];
-            const gbt_real gram = variance * gbt_dot(rows->direction[i], rows->direction[j]);
-            gbt_gp_kernel((gbt_real)(rows->time[i] - rows->time[j]), log_theta, shapes);
-            for (int s = 0; s < SLOPES; s++)
-                slope[s][i][j] = slope[s][j][i] = s < GBT_SHAPES      ? gram * shapes[s]
-                                                  : i != j            ? 0
-                                                  : s == SLOPES - 1   ? rows->variance[i]
-                                                                      : variance * nugget;
-        }
+    gbt_wide sum = gbt_widen(0);
+    for (int k = 0; k < GBT_DIMENSION; k++)
+        sum = gbt_more(sum, gbt_widen(rows->direction[i][k]), gbt_widen(rows->direction[j][k]));
+    return gbt_times(gbt_widen(variance), sum);
 }
 
-/* The inverse of a lower factor. */
-static void invert_lower(gbt_real factor[R][R], int n, gbt_real inverse[R][R])
+void gbt_gp_covariance(const gbt_gp_rows *rows, const gbt_real *log_theta, gbt_real nugget, gbt_wide omega[GBT_PACKED],
+                       gbt_wide slopes[GBT_SHAPES][GBT_PACKED])
+{
+    const gbt_real variance = gbt_exp(2 * log_theta[GBT_SHAPES]);
+    for (int i = 0; i < rows->rows; i++) {
+        for (int j = 0; j <= i; j++) {
+            gbt_wide along[GBT_SHAPES];
+            const gbt_wide gram = gram_of(rows, i, j, variance);
+            omega[ROW(i) + j] = gbt_times(gram, gbt_gp_kernel(lag_of(rows, i, j), log_theta, slopes ? along : 0));
+            for (int s = 0; slopes && s < GBT_SHAPES; s++) slopes[s][ROW(i) + j] = gbt_times(gram, along[s]);
+        }
+        omega[ROW(i) + i] = gbt_plus(omega[ROW(i) + i], gbt_widen(variance * nugget + rows->variance[i]));
+    }
+}
+
+/* The inverse of a lower factor, in its place: an entry is read for the last time where its own is written. */
+static void invert_lower(gbt_wide *lower, int n)
 {
     for (int j = 0; j < n; j++)
-        for (int i = 0; i < n; i++) {
-            gbt_real rest = i == j;
-            for (int k = j; k < i; k++) rest -= factor[i][k] * inverse[k][j];
-            inverse[i][j] = i < j ? 0 : rest / factor[i][i];
+        for (int i = j; i < n; i++) {
+            gbt_wide rest = gbt_widen(i == j);
+            for (int k = j; k < i; k++) rest = gbt_less(rest, lower[ROW(i) + k], lower[ROW(k) + j]);
+            lower[ROW(i) + j] = gbt_over(rest, lower[ROW(i) + i]);
         }
 }
 
-/* a = L^-1 a L^-T, symmetric. */
-static void whiten(gbt_real inverse[R][R], int n, gbt_real a[R][R], gbt_real spare[R][R])
+/* a = L^-1 a L^-T, symmetric, in its place: the last row first, which needs none after it. */
+static void whiten(const gbt_wide *inverse, int n, gbt_wide *a)
+{
+    gbt_wide half[R];
+    for (int i = n - 1; i >= 0; i--) {
+        for (int j = 0; j <= i; j++) {
+            half[j] = gbt_widen(0);
+            for (int k = 0; k <= i; k++)
+                half[j] = gbt_more(half[j], inverse[ROW(i) + k], a[k >= j ? ROW(k) + j : ROW(j) + k]);
+        }
+        for (int j = 0; j <= i; j++) {
+            gbt_wide sum = gbt_widen(0);
+            for (int k = 0; k <= j; k++) sum = gbt_more(sum, half[k], inverse[ROW(j) + k]);
+            a[ROW(i) + j] = sum;
+        }
+    }
+}
+
+/* The same of a diagonal: of one number, or of the rows' own variances. */
+static void whiten_diagonal(const gbt_wide *inverse, int n, const gbt_real *diagonal, int step, gbt_wide *a)
 {
     for (int i = 0; i < n; i++)
-        for (int j = 0; j < n; j++) {
-            spare[i][j] = 0;
-            for (int k = 0; k <= i; k++) spare[i][j] += inverse[i][k] * a[k][j];
-        }
-    for (int i = 0; i < n; i++)
         for (int j = 0; j <= i; j++) {
-            gbt_real sum = 0;
-            for (int k = 0; k <= j; k++) sum += spare[i][k] * inverse[j][k];
-            a[i][j] = a[j][i] = sum;
+            gbt_wide sum = gbt_widen(0);
+            for (int k = 0; k <= j; k++)
+                if (diagonal[k * step] > 0)
+                    sum = gbt_more(sum, inverse[ROW(i) + k], gbt_times(gbt_widen(diagonal[k * step]), inverse[ROW(j) + k]));
+            a[ROW(i) + j] = sum;
         }
 }
 
@@ -108,40 +130,43 @@ static gbt_real turn_of(int parameter, int expanded)
 static int expand(const gbt_tuning *tuning, const gbt_gp_rows *rows, const gbt_real *log_theta, expansion *out)
 {
     enum { Q = SLOPES + 1 };
-    gbt_real factor[R][R], inverse[R][R], slope[SLOPES][R][R], weights[R], gradient[Q], information[Q][Q];
+    gbt_wide inverse[GBT_PACKED], slope[SLOPES][GBT_PACKED]; /* most of the stack that the process takes */
+    gbt_real whitened[R], gradient[Q], information[Q][Q];
     const int n = rows->rows;
-    const gbt_real nugget = nugget_of(tuning, log_theta);
+    const gbt_real nugget = nugget_of(tuning, log_theta), noise = gbt_exp(2 * log_theta[GBT_SHAPES]) * nugget;
     gbt_real square = 0;
-    gbt_gp_covariance(rows, log_theta, nugget, factor);
-    if (!gbt_factor(&factor[0][0], n, R)) return 0;
-    invert_lower(factor, n, inverse);
+    gbt_gp_covariance(rows, log_theta, nugget, inverse, slope);
+    if (!gbt_factor(inverse, n)) return 0;
+    invert_lower(inverse, n);
     out->value = (gbt_real)-0.5 * (gbt_real)n * LOG_TWO_PI;
     for (int i = 0; i < n; i++) {
-        gbt_real whitened = 0;
-        for (int k = 0; k <= i; k++) whitened += inverse[i][k] * rows->value[k];
-        square += whitened * whitened;
-        weights[i] = whitened;
-        out->value -= gbt_log(factor[i][i]);
+        gbt_wide sum = gbt_widen(0);
+        for (int k = 0; k <= i; k++) sum = gbt_more(sum, inverse[ROW(i) + k], gbt_widen(rows->value[k]));
+        whitened[i] = gbt_narrow(sum);
+        square += whitened[i] * whitened[i];
+        out->value += gbt_log(gbt_narrow(inverse[ROW(i) + i]));
     }
     out->value -= square / 2;
-    for (int i = 0; i < n; i++) {
-        gbt_real sum = 0;
-        for (int k = i; k < n; k++) sum += inverse[k][i] * weights[k];
-        weights[i] = sum;
-    }
-    slopes_of(rows, log_theta, nugget, slope);
     for (int s = 0; s < SLOPES; s++) {
         gbt_real along = 0, trace = 0;
-        for (int i = 0; i < n; i++)
-            for (int j = 0; j < n; j++) along += weights[i] * slope[s][i][j] * weights[j];
-        whiten(inverse, n, slope[s], factor);
-        for (int i = 0; i < n; i++) trace += slope[s][i][i];
+        if (s < GBT_SHAPES)
+            whiten(inverse, n, slope[s]);
+        else if (s < SLOPES - 1)
+            whiten_diagonal(inverse, n, &noise, 0, slope[s]);
+        else
+            whiten_diagonal(inverse, n, rows->variance, 1, slope[s]);
+        for (int i = 0; i < n; i++) {
+            trace += gbt_narrow(slope[s][ROW(i) + i]);
+            for (int j = 0; j <= i; j++)
+                along += (i == j ? 1 : 2) * whitened[i] * gbt_narrow(slope[s][ROW(i) + j]) * whitened[j];
+        }
         gradient[s] = (along - trace) / 2;
         information[s][Q - 1] = information[Q - 1][s] = trace / 2;
         for (int q = 0; q <= s; q++) {
             gbt_real sum = 0;
             for (int i = 0; i < n; i++)
-                for (int j = 0; j < n; j++) sum += slope[s][i][j] * slope[q][i][j];
+                for (int j = 0; j <= i; j++)
+                    sum += (i == j ? 1 : 2) * gbt_narrow(slope[s][ROW(i) + j]) * gbt_narrow(slope[q][ROW(i) + j]);
             information[s][q] = information[q][s] = sum / 2;
         }
     }
@@ -170,7 +195,7 @@ static gbt_real scoring_step(gbt_real information[P][P], const gbt_real *gradien
                              gbt_real *step)
 {
     gbt_real curvature[P * P], found[P], largest = 0, longest = 0, gain = 0;
-    int count = 0, place[P];
+    int count = 0, place[P] = {0};
     for (int p = 0; p < P; p++)
         if (free[p]) place[count++] = p;
     for (int a = 0; a < count; a++) {
@@ -217,14 +242,14 @@ static void maximise(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_real
 {
     expansion here, there;
     gbt_real damping = 0, correction[P][P] = {{0}}, sum[P][P], step[P], trial[P], fall[P];
-    for (int p = 0; p < P; p++) theta[p] = gbt_fmin(gbt_fmax(theta[p], tuning->low[p]), tuning->high[p]);
+    for (int p = 0; p < P; p++) theta[p] = gbt_fmin(gbt_fmax(theta[p], low_of(tuning, p)), tuning->high[p]);
     if (!expand(tuning, rows, theta, &here)) return;
     for (int k = 0; k < EVALUATIONS; k++) {
         int free[P], some = 0;
         gbt_real steepest = 0;
         for (int p = 0; p < P; p++) {
             /* what the gradient would push through its bound stays there */
-            free[p] = tuning->high[p] > tuning->low[p] && (theta[p] > tuning->low[p] || here.gradient[p] > 0) &&
+            free[p] = tuning->high[p] > low_of(tuning, p) && (theta[p] > low_of(tuning, p) || here.gradient[p] > 0) &&
                       (theta[p] < tuning->high[p] || here.gradient[p] < 0);
             some = some || free[p];
             if (free[p]) steepest = gbt_fmax(steepest, here.information[p][p]);
@@ -235,7 +260,7 @@ static void maximise(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_real
         if (scoring_step(sum, here.gradient, free, damping, step) < GAIN &&
             scoring_step(here.information, here.gradient, free, damping, step) < GAIN)
             return;
-        for (int p = 0; p < P; p++) trial[p] = gbt_fmin(gbt_fmax(theta[p] + step[p], tuning->low[p]), tuning->high[p]);
+        for (int p = 0; p < P; p++) trial[p] = gbt_fmin(gbt_fmax(theta[p] + step[p], low_of(tuning, p)), tuning->high[p]);
         if (expand(tuning, rows, trial, &there) && there.value > here.value) {
             for (int p = 0; p < P; p++) {
                 step[p] = trial[p] - theta[p];
@@ -258,7 +283,7 @@ void gbt_gp_tune(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_real *lo
     gbt_real smooth[P];
     expansion here, there;
     int some = 0;
-    for (int p = 0; p < P; p++) some = some || tuning->high[p] > tuning->low[p];
+    for (int p = 0; p < P; p++) some = some || tuning->high[p] > low_of(tuning, p);
     if (!some) return;
     maximise(tuning, rows, log_theta);
     if (!GBT_TUNED_NUGGET || log_theta[0] > tuning->suspect) return;

@@ -8,12 +8,15 @@
 GBT_BEGIN_C
 
 #define GBT_ROWS_OF_WINDOW (GBT_WINDOW * GBT_AXES + GBT_DIMENSION) /* two bearings in space have two rows; and the prior */
+#define GBT_ROW(i) ((i) * ((i) + 1) / 2) /* where a row of a triangle begins that is given row by row, */
+#define GBT_PACKED GBT_ROW(GBT_ROWS_OF_WINDOW) /* and the number of all entries */
 #define GBT_TUNABLE (GBT_SHAPES + 1 + GBT_TUNED_NUGGET) /* logarithms: the kernel's parameters, amplitude(, nugget) */
 
 /* What a window says: rows direction . position = value + noise. */
 typedef struct {
     int rows, noisy; /* noisy: whether a row has a variance of its own */
-    double time[GBT_ROWS_OF_WINDOW];
+    double zero;                       /* from which times count */
+    gbt_wide time[GBT_ROWS_OF_WINDOW]; /* s */
     gbt_real direction[GBT_ROWS_OF_WINDOW][GBT_DIMENSION];
     gbt_real value[GBT_ROWS_OF_WINDOW]; /* relative to the prior mean */
     gbt_real variance[GBT_ROWS_OF_WINDOW];
@@ -27,12 +30,14 @@ typedef struct {
     gbt_real suspect; /* logarithm of the length scale below which it is suspected of telling noise */
 } gbt_tuning;
 
-/* The lower Cholesky factor of a matrix of n rows with so many columns, in its place; 0 if there is none. */
-int gbt_factor(gbt_real *matrix, int n, int columns);
+/* The lower Cholesky factor of a symmetric matrix of n rows, whose lower triangle is given row by row, in its place; 0 if
+   there is none. */
+int gbt_factor(gbt_wide *lower, int n);
 
-/* The covariance of the rows under log theta, with the nugget that belongs to it. */
-void gbt_gp_covariance(const gbt_gp_rows *rows, const gbt_real *log_theta, gbt_real nugget,
-                       gbt_real omega[GBT_ROWS_OF_WINDOW][GBT_ROWS_OF_WINDOW]);
+/* The lower triangle of the covariance of the rows under log theta, with the nugget that belongs to it, and where they are
+   asked for its slopes by the logarithms of the kernel's parameters; slopes may be 0. */
+void gbt_gp_covariance(const gbt_gp_rows *rows, const gbt_real *log_theta, gbt_real nugget, gbt_wide omega[GBT_PACKED],
+                       gbt_wide slopes[GBT_SHAPES][GBT_PACKED]);
 
 /* From the last log theta to that of the largest likelihood near it, or of a smooth motion with noise. */
 void gbt_gp_tune(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_real *log_theta);

@@ -16,9 +16,9 @@ static void keep_state(gbt_intake *intake, const gbt_tracker *tracker)
         intake->state[intake->states - 1].tracker = *tracker;
     }
     const double oldest = intake->states > 0 ? intake->state[0].time : HUGE_VAL;
-    for (int k = 0; k < intake->taken; k++)
-        if (intake->taken_sightings[k].time > oldest) intake->taken_sightings[rest++] = intake->taken_sightings[k];
-    intake->taken = rest;
+    for (int k = 0; k < intake->taken + intake->arrived; k++)
+        if (k >= intake->taken || intake->sightings[k].time > oldest) intake->sightings[rest++] = intake->sightings[k];
+    intake->taken = rest - intake->arrived;
 }
 
 void gbt_intake_begin(gbt_intake *intake, const gbt_tracker *tracker)
@@ -31,7 +31,7 @@ void gbt_intake_begin(gbt_intake *intake, const gbt_tracker *tracker)
 int gbt_intake_add(gbt_intake *intake, const gbt_sighting *sighting)
 {
     if (intake->arrived >= GBT_MEASUREMENTS) return 0;
-    intake->arrived_sightings[intake->arrived++] = *sighting;
+    intake->sightings[intake->taken + intake->arrived++] = *sighting;
     return 1;
 }
 
@@ -46,13 +46,13 @@ static void sort(gbt_sighting *sightings, int count)
     }
 }
 
-/* Sets the tracker back to before what is late, and puts what is to be given again to what has arrived; returns how many
+/* Sets the tracker back to before what is late, so that what it has taken since then has arrived again; returns how many
    are too old. */
 static int set_back(gbt_intake *intake, gbt_tracker *tracker)
 {
-    gbt_sighting *arrived = intake->arrived_sightings;
+    gbt_sighting *arrived = &intake->sightings[intake->taken];
     const double oldest = intake->states > 0 ? intake->state[0].time : HUGE_VAL;
-    int rest = 0, again = 0, kept = 0;
+    int rest = 0, again = 0;
     for (int k = 0; k < intake->arrived; k++)
         if (arrived[k].time > oldest || arrived[k].time >= intake->latest) arrived[rest++] = arrived[k];
     const int refused = intake->arrived - rest;
@@ -61,41 +61,39 @@ static int set_back(gbt_intake *intake, gbt_tracker *tracker)
     while (intake->state[intake->states - 1].time >= arrived[0].time) intake->states--;
     intake->latest = intake->state[intake->states - 1].time;
     *tracker = intake->state[intake->states - 1].tracker;
-    for (int k = 0; k < intake->taken; k++) again += intake->taken_sightings[k].time > intake->latest;
-    /* those that are given again come first among those of one time */
-    for (int k = rest - 1; k >= 0; k--) arrived[k + again] = arrived[k];
-    again = 0;
-    for (int k = 0; k < intake->taken; k++)
-        if (intake->taken_sightings[k].time > intake->latest)
-            arrived[again++] = intake->taken_sightings[k];
-        else
-            intake->taken_sightings[kept++] = intake->taken_sightings[k];
-    intake->taken = kept;
+    /* what was taken is in the order of time; among those of one time it comes first */
+    while (again < intake->taken && intake->sightings[intake->taken - again - 1].time > intake->latest) again++;
+    intake->taken -= again;
+    intake->arrived += again;
     intake->since_state = 0;
-    intake->arrived = rest + again;
-    sort(arrived, intake->arrived);
+    sort(&intake->sightings[intake->taken], intake->arrived);
     return refused;
 }
 
 int gbt_intake_settle(gbt_intake *intake, gbt_tracker *tracker)
 {
     int refused = 0;
-    sort(intake->arrived_sightings, intake->arrived);
-    if (intake->arrived > 0 && intake->arrived_sightings[0].time < intake->latest) refused = set_back(intake, tracker);
-    for (int k = 0; k < intake->arrived; k++) {
-        const gbt_sighting *sighting = &intake->arrived_sightings[k];
-        if (!gbt_tracker_take(tracker, sighting)) {
+    gbt_sighting *first = &intake->sightings[intake->taken];
+    sort(first, intake->arrived);
+    if (intake->arrived > 0 && first->time < intake->latest) refused = set_back(intake, tracker);
+    while (intake->arrived > 0) {
+        gbt_sighting *sighting = &intake->sightings[intake->taken];
+        const int took = gbt_tracker_take(tracker, sighting);
+        intake->arrived--;
+        if (took) {
+            intake->begun = gbt_new_tracks(tracker);
+            intake->latest = sighting->time;
+        } else {
             refused++;
+        }
+        if (!took || intake->states == 0) {
+            for (int k = 0; k < intake->arrived; k++) sighting[k] = sighting[k + 1];
             continue;
         }
-        intake->begun = gbt_new_tracks(tracker);
-        intake->latest = sighting->time;
-        if (intake->states == 0) continue;
-        intake->taken_sightings[intake->taken++] = *sighting;
+        intake->taken++;
         intake->since_state++;
-        if (sighting->time - intake->state[intake->states - 1].time >= LATE || intake->since_state >= GBT_BETWEEN_STATES)
+        if (intake->latest - intake->state[intake->states - 1].time >= LATE || intake->since_state >= GBT_BETWEEN_STATES)
             keep_state(intake, tracker);
     }
-    intake->arrived = 0;
     return refused;
 }

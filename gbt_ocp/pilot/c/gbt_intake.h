@@ -24,9 +24,8 @@ typedef struct {
     int states;    /* 0 where nothing late is taken, else 1 or 2 */
     gbt_kept_state state[2];
     int taken, since_state; /* measurements since the first and since the last state that is kept */
-    gbt_sighting taken_sightings[2 * GBT_BETWEEN_STATES];
-    int arrived;
-    gbt_sighting arrived_sightings[2 * GBT_BETWEEN_STATES + GBT_MEASUREMENTS];
+    int arrived;            /* and those that the tracker is to be given */
+    gbt_sighting sightings[2 * GBT_BETWEEN_STATES + GBT_MEASUREMENTS]; /* those taken, then those arrived */
 } gbt_intake;
 
 /* The tracker has taken nothing yet. */

@@ -88,13 +88,13 @@ static gbt_received checked(gbt_kind kind, const gbt_real *value, const gbt_real
 {
     static const gbt_measurement nothing;
     *measurement = nothing;
-    if ((int)kind < GBT_AZIMUTH || kind > GBT_POSITION) return GBT_WRONG;
+    if ((unsigned)kind > GBT_POSITION) return GBT_WRONG; /* enums may be signed or not */
     measurement->kind = kind;
     measurement->time = time;
     measurement->stated = sigma != 0;
     if (sensor) {
         if (sensor->sensor < 0 || sensor->sensor >= GBT_SENSORS) return GBT_WRONG;
-        if ((int)sensor->frame < GBT_AS_CONFIGURED || sensor->frame > GBT_BOW) return GBT_WRONG;
+        if ((unsigned)sensor->frame > GBT_BOW) return GBT_WRONG;
         if (sensor->mounted && !(gbt_finite(sensor->position, D) && isfinite(sensor->yaw))) return GBT_NO_NUMBER;
         measurement->sensor = *sensor;
     }

@@ -123,7 +123,10 @@ by("back").addEventListener("click", () => { play(false); seek(state.k - 1); });
 by("forward").addEventListener("click", () => { play(false); seek(state.k + 1); });
 by("reset").addEventListener("click", () => { camera.reset(); show(); });
 mode.addEventListener("change", () => { camera.reset(); show(); });
-window.addEventListener("resize", show);
+// Also when the table beside them grows: what was drawn would be stretched to the new size.
+const sizes = new ResizeObserver(() => show());
+sizes.observe(view);
+sizes.observe(chart);
 window.addEventListener("keydown", (event) => {
   if (["SELECT", "INPUT", "BUTTON"].includes(event.target.tagName) && event.key === " ") return;
   if (event.target.tagName === "SELECT" || event.target.tagName === "INPUT") return;

@@ -20,8 +20,7 @@ from gbt_ocp.ocp.problem import TrajectoryProblem
 from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.ocp.solvers.base import Solution, Solver
 from gbt_ocp.ocp.solvers.compiled import CompiledSolver
-from gbt_ocp.ocp.solvers.ipopt import IpoptSolver
-from gbt_ocp.ocp.transcription import continuation
+from gbt_ocp.ocp.solvers.ipopt import IpoptSolver, continuation
 from gbt_ocp.studies.limits.exchange import DoublingCompiledSolver, ExchangeIpoptSolver
 from gbt_ocp.studies.limits.soft import SoftCompiledSolver, SoftIpoptSolver
 from gbt_ocp.studies.limits.unyielding import UnyieldingSolver, may_give

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -15,13 +15,16 @@ from gbt_ocp.experiments.build import loop as build
 from gbt_ocp.experiments.build.desired import build_desired_bearing
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.files import read_arrays
+from gbt_ocp.guidance.information import FisherInformation
+from gbt_ocp.guidance.path_information import MotionInformation, PosteriorVariance, stage_ends
 from gbt_ocp.guidance.startup import planned_of
 from gbt_ocp.ocp.plan import Plan
 from gbt_ocp.ocp.planner import Planner
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.simulation.loop import simulate
-from gbt_ocp.tracking.protocol import Forecast
+from gbt_ocp.tracking.path_belief import path_covariance
+from gbt_ocp.tracking.protocol import Forecast, JointForecast
 from gbt_ocp.typing import Array
 
 Check = Callable[[], None]
@@ -53,12 +56,15 @@ class Instance:
         Desired bearings at the endpoints ``(p, d)``.
     previous
         The plan of the step before; ``None`` where there is none.
+    more
+        What an objective is given beside these, by name.
     """
 
     start: Array
     moments: Forecast
     desired: Array
     previous: FlatTrajectory | None
+    more: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def data(self) -> dict[str, Any]:
@@ -68,10 +74,11 @@ class Instance:
             "forecast": Forecast(mean[1:], covariance[1:]),
             "desired": self.desired,
             "present": Forecast(mean[0], covariance[0]),
+            **self.more,
         }
 
 
-# N problems, L derivatives of n flat outputs, p pieces with m = p + 1 moments, d coordinates.
+# N problems, L derivatives of n flat outputs, p pieces with m = p + 1 moments, d coordinates, k times of a path, w = 2.
 _LAYOUT = {
     "origin": "N",
     "run": "N",
@@ -82,6 +89,9 @@ _LAYOUT = {
     "desired": "Npd",
     "previous_start": "NLn",
     "previous_top": "Npn",
+    "past": "Ndd",
+    "path": "Nkdkd",
+    "noise": "Nw",
     "period": "",
 }
 _KINDS = {"origin": "U", "run": "i"}
@@ -108,6 +118,11 @@ class Problems:
     previous_start, previous_top
         The plan of the step before: ``start`` ``(N, L, n)`` and ``top`` ``(N, p, freedoms)`` of its
         :class:`~gbt_ocp.ocp.trajectory.FlatTrajectory`, NaN where there is none.
+    past
+        Information of earlier bearings ``(N, d, d)``; NaN where the objective takes none.
+    path, noise
+        Covariance of the positions at several times together ``(N, k, d, k, d)`` m², and the two parts of the variance
+        of a bearing to come ``(N, 2)`` (see :class:`~gbt_ocp.tracking.protocol.JointForecast`); NaN in the same way.
     period
         T in s.
     """
@@ -121,6 +136,9 @@ class Problems:
     desired: Array
     previous_start: Array
     previous_top: Array
+    past: Array
+    path: Array
+    noise: Array
     period: Array
 
     def __len__(self) -> int:
@@ -134,16 +152,26 @@ class Problems:
             Forecast(self.mean[number], self.covariance[number]),
             self.desired[number],
             previous if known else None,
+            self._more(number),
         )
+
+    def _more(self, number: int) -> dict[str, Any]:
+        """What an objective is given beside the moments; a path goes by the name of each objective that takes one."""
+        found: dict[str, Any] = {}
+        if np.all(np.isfinite(self.past[number])):
+            found["past"] = self.past[number]
+        if np.all(np.isfinite(self.path[number])):
+            found["path"] = found["joint"] = JointForecast(self.path[number], *self.noise[number])
+        return found
 
     def subset(self, numbers: Any) -> Problems:
         """Some of them."""
-        chosen = {field.name: getattr(self, field.name)[numbers] for field in fields(self) if field.name != "period"}
+        chosen = {one.name: getattr(self, one.name)[numbers] for one in fields(self) if one.name != "period"}
         return Problems(**chosen, period=self.period)
 
     def save(self, path: Path) -> None:
         """Write them."""
-        np.savez_compressed(path, **{field.name: getattr(self, field.name) for field in fields(self)})
+        np.savez_compressed(path, **{one.name: getattr(self, one.name) for one in fields(self)})
 
     @classmethod
     def load(cls, path: Path) -> Problems:
@@ -172,7 +200,7 @@ class Problems:
 
 def joined(parts: list[Problems]) -> Problems:
     """All of several sets of the same configuration."""
-    names = [field.name for field in fields(Problems) if field.name != "period"]
+    names = [one.name for one in fields(Problems) if one.name != "period"]
     return Problems(
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names}, period=parts[0].period
     )
@@ -193,7 +221,7 @@ class _Witness:
             np.concatenate([present.mean[None], forecast.mean[:p]]),
             np.concatenate([present.covariance[None], forecast.covariance[:p]]),
         )
-        self.asked.append(Instance(np.array(state), moments, desired[:p], self._planner.previous))
+        self.asked.append(Instance(np.array(state), moments, desired[:p], self._planner.previous, data))
         return self._planner.solve(state, forecast, desired, present=present, **data)
 
 
@@ -251,13 +279,33 @@ def draw(configuration: Configuration, count: int) -> Problems:
             start[0, :d] += mean[0]
         root = spread * rng.normal(size=(d, d))
         moments = Forecast(mean, np.tile(root @ root.T, (p + 1, 1, 1)))
-        chosen.append(Instance(start, moments, desired(number + ahead[1:]), None))
+        more = _made_up(problem, moments, configuration.planner.ahead_s)
+        chosen.append(Instance(start, moments, desired(number + ahead[1:]), None, more))
     return _stacked(chosen, np.full(count, np.nan), RANDOM, np.arange(count), problem)
+
+
+def _made_up(problem: ProblemData, moments: Forecast, ahead: float) -> dict[str, Any]:
+    """No earlier bearings, and a path whose velocity is known to 0.3 m/s on each axis, for an objective that asks."""
+    term, d, p = problem.objectives[0], moments.mean.shape[1], problem.pieces
+    if isinstance(term, FisherInformation):
+        return {"past": np.zeros((d, d))}
+    if not isinstance(term, PosteriorVariance | MotionInformation):
+        return {}
+    times = problem.period * np.arange(1, p + 1)
+    if isinstance(term, MotionInformation):
+        times = np.append(times, times[stage_ends(p, term.stages)] + ahead)
+    place, speed = moments.covariance[0] + 1e-4 * np.eye(d), 0.09 * np.eye(d)
+    motion = np.block([[place, np.zeros((d, d))], [np.zeros((d, d)), speed]])
+    covariances = place + times[:, None, None] ** 2 * speed
+    return {"path": JointForecast(path_covariance(times, place, covariances, motion), 0.0, 1e-4)}
 
 
 def _stacked(chosen: list[Instance], times: Array, origin: str, runs: Any, problem: ProblemData) -> Problems:
     missing = np.full_like(chosen[0].start, np.nan), np.full((problem.pieces, problem.freedoms), np.nan)
     plans = [missing if one.previous is None else (one.previous.start, one.previous.top) for one in chosen]
+    d = chosen[0].desired.shape[1]
+    nothing = JointForecast(np.full((1, d, 1, d), np.nan), np.nan, np.nan)
+    paths = [one.more.get("path", one.more.get("joint", nothing)) for one in chosen]
     return Problems(
         origin=np.full(len(chosen), origin),
         run=np.broadcast_to(np.asarray(runs, dtype=np.int64), len(chosen)),
@@ -268,5 +316,8 @@ def _stacked(chosen: list[Instance], times: Array, origin: str, runs: Any, probl
         desired=np.array([one.desired for one in chosen]),
         previous_start=np.array([start for start, _ in plans]),
         previous_top=np.array([top for _, top in plans]),
+        past=np.array([one.more.get("past", np.full((d, d), np.nan)) for one in chosen]),
+        path=np.array([path.covariance for path in paths]),
+        noise=np.array([(path.floor, path.angle_variance) for path in paths]),
         period=np.array(problem.period),
     )

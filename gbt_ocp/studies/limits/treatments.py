@@ -60,6 +60,16 @@ def chosen_pairs(formulations: Iterable[str], solvers: Iterable[str]) -> list[Pa
         raise ConfigurationError(
             [f"--formulations, --solvers: found no pair of {', '.join(formulations)} with {', '.join(solvers)}"]
         )
+    left_out = [name for name in formulations if name not in {pair.formulation for pair in pairs}]
+    if left_out and set(formulations) != set(FORMULATIONS):
+        fitting = [name for name, formulation in FORMULATIONS.items() if set(solvers) & set(formulation.solvers)]
+        raise ConfigurationError(
+            [
+                f"--formulations: found {name!r}, which no solver of {', '.join(solvers)} solves; "
+                f"allowed: {', '.join(fitting)}"
+                for name in left_out
+            ]
+        )
     return pairs
 
 

@@ -184,13 +184,19 @@ def _closed_loops(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
             # a run whose violation is not a number has no largest one
             broken = max(violations) if all(map(math.isfinite, violations)) else math.inf
             counts = {word: sum(row[f"fallbacks_{word}"] for row in rows) for word in (*FALLBACKS, "other")}
-            used = ", ".join(f"{count} {word}" for word, count in counts.items() if count) or "none"
-            errors = "; ".join(f"{row['case']} {_error(row)}" for row in rows)
+            used = [f"{count} {word}" for word, count in counts.items() if count]
+            steps = sum(row["steps"] for row in rows)
+            errors = ", ".join(f"{_error(row)} in {row['case']}" for row in rows)
+            seeds = _span(column(rows, "runs"), lambda runs: f"{runs:g} seed{'s' * (runs > 1)}")
+            kept = "kept all limits of the thrust"
+            if broken > ROUND_OFF:
+                kept = f"broke a limit of the thrust by {_excess(broken)}"
+            fell = f"needed no fallback in {steps} steps"
+            if used:
+                fell = f"needed fallbacks in some of {steps} steps ({', '.join(used)})"
             lines.append(
-                f"In closed loop, {pair.name} ({_span(column(rows, 'runs'), lambda runs: f'{runs:g}')} seeds a case): "
-                f"settled error in m {errors}; executed thrust above its limit by "
-                f"{'nothing' if broken <= ROUND_OFF else _excess(broken)}; fallbacks {used} in "
-                f"{sum(row['steps'] for row in rows)} steps (table closed_loop)."
+                f"In closed loop ({seeds} a case), {pair.name} settles at an error of {errors}, {kept} and {fell} "
+                "(table closed_loop)."
             )
     paired = tables["closed_loop_paired"]
     if paired:
@@ -248,7 +254,7 @@ def _of_distant(case: str, pair: Pair, row: Row) -> str:
 
 def _error(row: Row) -> str:
     (value,) = column([row], "error_settled")
-    text = _short(value) if math.isfinite(value) else "no finite number"
+    text = f"{_short(value)} m" if math.isfinite(value) else "no finite number"
     return f"{text} ({row['astray']} of {row['runs']} seeds astray)" if row["astray"] else text
 
 

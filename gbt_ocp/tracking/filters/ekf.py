@@ -253,6 +253,11 @@ class ExtendedKalmanFilter(RestartingTracker):
         mean, covariance = self._ahead(t - self._time)
         return Forecast(mean[:, :d], covariance[:, :d, :d])
 
+    def motion_at(self, time: float) -> Array | None:
+        """Covariance of position and velocity ``(2d, 2d)``; ``None`` before the first measurement."""
+        both = 2 * (self._mean.size // 2)
+        return None if self._time is None else self._ahead(time - self._time)[1][:both, :both]
+
 
 class ImmExtendedTracker(ImmTracker):
     """IMM-EKF: each mode is updated as an :class:`ExtendedKalmanFilter`.

@@ -202,6 +202,14 @@ class ImmTracker(RestartingTracker):
         t = np.asarray(times, dtype=float)
         return self._prior.forecast(len(t)) if self._time is None else self.models.forecast(t - self._time)
 
+    def motion_at(self, time: float) -> Array | None:
+        """Covariance of position and velocity ``(2d, 2d)``; ``None`` before the first measurement."""
+        if self._time is None:
+            return None
+        states = predicted(self.models.means, self.models.covariances, *self.models.models(time - self._time))
+        both = 2 * (self.models.means.shape[1] // 3)
+        return mixed(self.models.probabilities, *states)[1][:both, :both]
+
 
 class ImmPseudoLinearTracker(ImmTracker):
     """IMM-PLKF: each mode is a :class:`~gbt_ocp.tracking.filters.plkf.PseudoLinearKalmanFilter` with its own range.

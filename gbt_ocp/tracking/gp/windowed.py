@@ -74,6 +74,7 @@ class WindowedTracker(RestartingTracker, Generic[AnyPosterior]):
     def _begin(self, prior: PositionPrior) -> None:
         self.window = Window(self._capacity)
         self._watch = BreakWatch()
+        self._waits = False
         self._prior = prior
         self._prior_rows = _rows_of(prior)
         self._centre = np.zeros(self.dimension)
@@ -130,15 +131,15 @@ class WindowedTracker(RestartingTracker, Generic[AnyPosterior]):
         b, own = self.window.checked(time, bearing, own_position)
         if self._gaps.ended(float(time)):
             self._restart(own)
-        elif self._breaks and self._posterior is not None:
-            suspected = self._watch.suspects
-            found = self._watch.judge(self._posterior, float(time), b, own)
+        elif self._breaks and self._prior_time is not None:
+            suspected = self._waits
+            found, self._waits = self._judged(float(time), b, own)
             if found is not None:
                 self._cut(found)
             elif suspected:
                 self.window.leave_out_latest()  # a stray
         self.window.append(time, b, own)
-        if self._watch.suspects:
+        if self._waits:
             return  # until the next bearing says whether this one is a stray, the old motion is the better guess
         if self._prior_time is None:
             self._prior_time = float(time)
@@ -151,6 +152,11 @@ class WindowedTracker(RestartingTracker, Generic[AnyPosterior]):
         measurements = self._measurements()
         self._tune(measurements)
         self._condition(measurements)
+
+    def _judged(self, time: float, bearing: Array, own: Array) -> tuple[Break | None, bool]:
+        """The break before the last bearing, if there is one, and whether this bearing waits for the next one."""
+        found = self._watch.judge(self.posterior, time, bearing, own)
+        return found, self._watch.suspects
 
     def _cut(self, found: Break) -> None:
         """Keep the latest bearing, the first after a break, and where the target was then."""

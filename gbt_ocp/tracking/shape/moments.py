@@ -83,6 +83,22 @@ def moments_now(shape: MotionShape, found: LaplaceFit, weights: Array) -> tuple[
     return shape.past_nodes[:2], mean.reshape(2, d), covariance[0]
 
 
+def motion_covariance(times: Array, covariance: Array, lag: float) -> Array:
+    """Covariance of position and velocity ``(2d, 2d)`` a lag in seconds after now, on a straight way.
+
+    Parameters
+    ----------
+    times, covariance
+        Of two positions, as of :func:`moments_now`.
+    lag
+        In seconds.
+    """
+    # position = p_0 + (lag - t_0) v with v = (p_0 - p_1) / (t_0 - t_1)
+    rate = np.array([1.0, -1.0]) / (times[0] - times[1])
+    way = np.kron(np.array([np.array([1.0, 0.0]) + (lag - times[0]) * rate, rate]), np.eye(len(covariance) // 2))
+    return np.asarray(way @ covariance @ way.T)
+
+
 def _spread(slopes: Array, covariance: Array) -> Array:
     """Covariance of the positions ``(B, G, d, d)``."""
     count, nodes, d, n = slopes.shape

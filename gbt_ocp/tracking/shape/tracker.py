@@ -26,7 +26,7 @@ from gbt_ocp.tracking.shape.further import further_sightings
 from gbt_ocp.tracking.shape.gate import gated
 from gbt_ocp.tracking.shape.hypotheses import MotionHypotheses, MotionHypothesis, cold_starts, competed
 from gbt_ocp.tracking.shape.memory import TrackMemory, precision_root
-from gbt_ocp.tracking.shape.moments import NodeMoments, moments_ahead, moments_behind, moments_now
+from gbt_ocp.tracking.shape.moments import NodeMoments, moments_ahead, moments_behind, moments_now, motion_covariance
 from gbt_ocp.tracking.shape.motions import Motions, MotionShape
 from gbt_ocp.tracking.shape.processes import ShapePrior
 from gbt_ocp.typing import Array
@@ -325,6 +325,13 @@ class MotionShapeTracker(RestartingTracker):
                 self._behind = moments_behind(self._shape, *found.likely)
             mean[~ahead], covariance[~ahead] = self._behind.at(lag[~ahead])
         return Forecast(self._own + mean, covariance)
+
+    def motion_at(self, time: float) -> Array | None:
+        """Covariance of position and velocity ``(2d, 2d)``; ``None`` before the first bearing."""
+        if self._found is None:
+            return None
+        times, _, covariance = moments_now(self._shape, *self._found.likely)
+        return motion_covariance(times, covariance, time - self._now)
 
     def hypotheses_at(self, times: ArrayLike) -> WeighedForecasts:
         """What each of the distinct motions that fit predicts, at times ``(K,)`` that are not past."""

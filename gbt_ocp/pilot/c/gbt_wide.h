@@ -1,0 +1,139 @@
+/* Numbers of twice the precision of float, where gbt_real is float: the sum of two, by error-free additions and fused
+   multiply-add (Dekker 1971; Joldes, Muller and Popescu 2017), since calls of a library for double are slower. Covariances of
+   a smooth motion have conditions of 1e10, which float alone cannot hold. Where gbt_real is double, they are double. */
+#ifndef GBT_WIDE_H
+#define GBT_WIDE_H
+
+#include "gbt_math.h"
+
+GBT_BEGIN_C
+
+#ifdef GBT_SINGLE
+
+typedef struct {
+    gbt_real high, low; /* low is at most half the last digit of high */
+} gbt_wide;
+
+static inline gbt_wide gbt_widen(gbt_real a)
+{
+    const gbt_wide wide = {a, 0};
+    return wide;
+}
+
+static inline gbt_real gbt_narrow(gbt_wide a) { return a.high; }
+
+/* A double, without arithmetic in double that a processor may not have. */
+static inline gbt_wide gbt_widen_double(double a)
+{
+    const gbt_real high = (gbt_real)a;
+    const gbt_wide wide = {high, (gbt_real)(a - (double)high)};
+    return wide;
+}
+
+/* The sum of two numbers, the larger first, and of any two, without error. */
+static inline gbt_wide gbt_sum_of_ordered(gbt_real a, gbt_real b)
+{
+    const gbt_real sum = a + b;
+    const gbt_wide wide = {sum, b - (sum - a)};
+    return wide;
+}
+
+static inline gbt_wide gbt_sum_of(gbt_real a, gbt_real b)
+{
+    const gbt_real sum = a + b, part = sum - a;
+    const gbt_wide wide = {sum, (a - (sum - part)) + (b - part)};
+    return wide;
+}
+
+static inline gbt_wide gbt_plus(gbt_wide a, gbt_wide b)
+{
+    const gbt_wide sum = gbt_sum_of(a.high, b.high);
+    return gbt_sum_of_ordered(sum.high, sum.low + (a.low + b.low));
+}
+
+static inline gbt_wide gbt_times(gbt_wide a, gbt_wide b)
+{
+    const gbt_real product = a.high * b.high, rest = fmaf(a.high, b.high, -product);
+    return gbt_sum_of_ordered(product, fmaf(a.high, b.low, fmaf(a.low, b.high, rest)));
+}
+
+static inline gbt_wide gbt_negative(gbt_wide a)
+{
+    const gbt_wide wide = {-a.high, -a.low};
+    return wide;
+}
+
+static inline gbt_wide gbt_over(gbt_wide a, gbt_wide b)
+{
+    const gbt_real first = a.high / b.high;
+    const gbt_wide rest = gbt_plus(a, gbt_negative(gbt_times(gbt_widen(first), b)));
+    return gbt_sum_of_ordered(first, rest.high / b.high);
+}
+
+/* The square root of a number above 0. */
+static inline gbt_wide gbt_root(gbt_wide a)
+{
+    const gbt_real first = gbt_sqrt(a.high);
+    const gbt_wide rest = gbt_plus(a, gbt_negative(gbt_times(gbt_widen(first), gbt_widen(first))));
+    return gbt_sum_of_ordered(first, rest.high / (2 * first));
+}
+
+/* e^a: Taylor's series of e^x - 1, where x is an eighth of what is left after powers of two; doubled three times by
+   e^2x - 1 = 2 (e^x - 1) + (e^x - 1)^2, whose error stays small beside the 1 that is missing. */
+static inline gbt_wide gbt_wide_exp(gbt_wide a)
+{
+    enum { TERMS = 9, HALVINGS = 3 };
+    static const gbt_wide over[TERMS + 1] = { /* 1, 1, 1/2, 1/3, ... */
+        {1, 0}, {1, 0}, {0.5f, 0}, {0.33333334f, -9.93410776e-09f}, {0.25f, 0}, {0.2f, -2.98023228e-09f}, {0.16666667f, -4.96705388e-09f}, {0.14285715f, -6.386212e-09f}, {0.125f, 0}, {0.11111111f, -8.27842295e-10f}};
+    static const gbt_wide log_two_rest = {-2.1219444e-4f, 1.646595e-12f}; /* ln 2 - 0.693359375 */
+    const gbt_real count = rintf(a.high * 1.44269504f);
+    gbt_wide sum = gbt_widen(0), part = gbt_sum_of(a.high, -count * 0.693359375f);
+    if (!(a.high > -80)) return gbt_widen(0);
+    part = gbt_plus(gbt_plus(part, gbt_widen(a.low)), gbt_times(gbt_widen(-count), log_two_rest));
+    part.high /= 1 << HALVINGS;
+    part.low /= 1 << HALVINGS;
+    for (int k = TERMS; k > 0; k--)
+        sum = gbt_times(gbt_times(part, over[k]), gbt_plus(gbt_widen(1), sum));
+    for (int k = 0; k < HALVINGS; k++) sum = gbt_plus(gbt_plus(sum, sum), gbt_times(sum, sum));
+    sum = gbt_plus(gbt_widen(1), sum);
+    sum.high = ldexpf(sum.high, (int)count);
+    sum.low = ldexpf(sum.low, (int)count);
+    return sum;
+}
+
+/* log (1 + a) by a step of Newton's method. */
+static inline gbt_wide gbt_wide_log1p(gbt_wide a)
+{
+    const gbt_real first = gbt_log1p(a.high);
+    const gbt_wide grown = gbt_times(gbt_plus(gbt_widen(1), a), gbt_wide_exp(gbt_widen(-first)));
+    return gbt_plus(gbt_widen(first), gbt_plus(grown, gbt_widen(-1)));
+}
+
+#else
+
+typedef double gbt_wide;
+static inline gbt_wide gbt_widen(double a) { return a; }
+static inline double gbt_narrow(gbt_wide a) { return a; }
+static inline gbt_wide gbt_widen_double(double a) { return a; }
+static inline gbt_wide gbt_plus(gbt_wide a, gbt_wide b) { return a + b; }
+static inline gbt_wide gbt_times(gbt_wide a, gbt_wide b) { return a * b; }
+static inline gbt_wide gbt_negative(gbt_wide a) { return -a; }
+static inline gbt_wide gbt_over(gbt_wide a, gbt_wide b) { return a / b; }
+static inline gbt_wide gbt_root(gbt_wide a) { return sqrt(a); }
+static inline gbt_wide gbt_wide_exp(gbt_wide a) { return exp(a); }
+static inline gbt_wide gbt_wide_log1p(gbt_wide a) { return log1p(a); }
+
+#endif
+
+/* a - b c */
+static inline gbt_wide gbt_less(gbt_wide a, gbt_wide b, gbt_wide c)
+{
+    return gbt_plus(a, gbt_negative(gbt_times(b, c)));
+}
+
+/* a + b c */
+static inline gbt_wide gbt_more(gbt_wide a, gbt_wide b, gbt_wide c) { return gbt_plus(a, gbt_times(b, c)); }
+
+GBT_END_C
+
+#endif

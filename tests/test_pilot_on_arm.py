@@ -1,0 +1,63 @@
+"""The pilot on a Cortex-M7: a recorded closed loop in an emulator, against Python, in both precisions."""
+
+import functools
+import re
+
+import numpy as np
+import pytest
+from arm_board import ARM, NEEDED, program_of, said_by
+from pilots_in_c import files_of
+
+import gbt_ocp as gbt
+from gbt_ocp.experiments.build.pilot import build_pilot
+from gbt_ocp.experiments.recorded_pilot import RecordedPilot
+
+pytestmark = NEEDED
+
+CASES = [
+    pytest.param("case2", "seed=0", 30, marks=pytest.mark.long),
+    pytest.param("case5", "seed=0", 60, marks=pytest.mark.slow),
+    pytest.param("sea2d", "tracker.kind=ekf", 100, marks=pytest.mark.slow),
+]
+
+
+@functools.cache
+def recorded(name, change, commands):
+    """The recording, and all files of its C by name."""
+    config = gbt.load_config(name, [change])
+    recording = RecordedPilot(config, commands)
+    return recording, files_of(build_pilot(config)) | recording.files
+
+
+def steps_on_the_board(place, name, change, commands, precision):
+    """The recording, an array by name of what was printed a step, and sizes by name."""
+    recording, files = recorded(name, change, commands)
+    for file, text in files.items():
+        (place / file).write_text(text, encoding="utf-8")
+    sources = [*sorted(place.glob("gbt_*.c")), ARM / "pilot_bench.c"]
+    said = said_by(program_of(place, sources, [place], precision))
+    steps = [dict(re.findall(r"(\w+) (\S+)", line)) for line in said.splitlines() if line.startswith("time")]
+    arrays = {key: np.array([float(step[key]) for step in steps]) for key in steps[0]}
+    sizes = {key: int(number) for key, number in re.findall(r"(\w+) (\d+)", said.splitlines()[-1])}
+    return recording, arrays, sizes
+
+
+@pytest.mark.parametrize("precision", ["double"])
+@pytest.mark.parametrize(("name", "change", "commands"), CASES)
+def test_commands_on_a_microcontroller_are_those_of_python(tmp_path, name, change, commands, precision):
+    recording, steps, sizes = steps_on_the_board(tmp_path, name, change, commands, precision)
+    assert len(steps["time"]) == recording.commands == commands
+    assert recording.compared > 0.5 * commands
+    compared = steps["within"] > 0.0
+    off = np.sort((steps["difference"] / np.maximum(steps["within"], 1e-99))[compared])
+    if precision == "double":
+        # another C library rounds otherwise; a plan that it moves further is one that ended at its tolerance
+        assert off[int(0.95 * len(off))] < 1.0
+        assert off[-1] < 100.0
+        assert np.all(steps["same"][compared & (steps["steady"] == 1)])
+    else:
+        assert np.median(steps["difference"]) < 1e-2
+    assert sizes["stack"] < 32768
+    took = steps["instructions"]
+    assert took[steps["planned"] == 1].min() > 1e5, "planning takes time"
+    print(name, precision, f"mean {took.mean():.4g} most {took.max():.4g}", sizes)
