@@ -107,6 +107,7 @@ BENCHMARKS = (
     benchmark("filter_noise"),
     benchmark("growth", "--figure", f"{OUT}/growth.png", minutes=1.0),
     benchmark("generated_c", "--seeds", "3", minutes=1.5),
+    benchmark("kernel_versions", "--base", "e63aa57", "--repeats", "3", minutes=2.0),
     benchmark("single_precision"),
     benchmark("sweep_rate"),
     benchmark("closed_loop", "--seeds", "10", "--jobs", "2", "--out", f"{OUT}/results.md"),

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import product
+from math import factorial
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -81,14 +83,32 @@ class FlatForm:
         given = first_free_node(self._problem, limit.constraint)
         return LimitGrid(limit.nodes, given if isinstance(limit, HardLimit) else 0, bool(given), False, 1.0)
 
-    def node_tables(self, shares: Array) -> tuple[tuple[str, str, Array], ...]:
-        """Type, name and content of what the kernel reads at the nodes of a limit, at these shares of a piece."""
-        powers = (self._problem.period * shares)[:, None] ** np.arange(2 * self._problem.degree + 1)
+    def node_tables(self, shares: Array) -> dict[str, Array]:
+        """What the kernel reads at the nodes of a limit, at these shares of a piece, by name."""
+        powers = (self._problem.period * shares)[:, None] ** np.arange(self._powers)
         factorials = np.cumprod(np.maximum(np.arange(self._problem.degree + 1), 1))
-        return (
-            ("gbt_real", "taylor", (powers[:, : len(factorials)] / factorials).ravel()),
-            ("gbt_real", "powers", powers.ravel()),
-        )
+        return {"taylor": (powers[:, : len(factorials)] / factorials).ravel(), "powers": powers.ravel()}
+
+    def spread(self, rows: Sequence[int], columns: Sequence[int], *, at_end: bool) -> tuple[ca.SX, ca.SX]:
+        """Symbols of the entries of symmetric matrices over points, and the matrix over the numbers of the piece.
+
+        Each entry of the lower triangles is given as its sums over the points of the piece times s^0, s^1, …, or as it
+        is, of one at the end of the piece. The matrix is given by its lower triangle, row by row.
+        """
+        n, orders = self._problem.vehicle.flat_dimension, self._problem.degree + 1
+        entries = ca.SX.sym("entries", len(rows) * (1 if at_end else self._powers))
+        half: Any = ca.SX.zeros(n * orders, n * orders)
+        for a, (row, column) in enumerate(zip(rows, columns, strict=True)):
+            for i, k in product(range(orders - row // n), range(orders - column // n)):
+                power = self._problem.period ** (i + k) if at_end else 1.0
+                factor = power / (factorial(i) * factorial(k)) * (0.5 if row == column else 1.0)
+                half[row + i * n, column + k * n] += factor * entries[a if at_end else a * self._powers + i + k]
+        matrix = half + half.T
+        return entries, ca.vertcat(*(matrix[row, : row + 1].T for row in range(n * orders)))
+
+    @property
+    def _powers(self) -> int:
+        return 2 * self._problem.degree + 1
 
     @property
     def depends_on_place(self) -> bool:
@@ -203,10 +223,6 @@ class ShootingForm:
         begin = ca.substitute(value, self.point[self.width], ca.SX(0))
         given = not ca.depends_on(ca.simplify(begin), self.point[self.states : self.width])
         return LimitGrid(limit.nodes, int(given) if isinstance(limit, HardLimit) else 0, given, False, 1.0)
-
-    def node_tables(self, shares: Array) -> tuple[tuple[str, str, Array], ...]:
-        """None: the share of a piece is all that is read at a node."""
-        return ()
 
     @property
     def depends_on_place(self) -> bool:

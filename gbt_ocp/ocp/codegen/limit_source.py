@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -38,6 +38,23 @@ def nonzeros(matrix: ca.SX) -> tuple[ca.SX, list[int], list[int]]:
     rows, columns = matrix.sparsity().get_triplet()
     values: Any = ca.SX(ca.Sparsity.dense(len(rows), 1), matrix.nz[:]) if rows else ca.SX.zeros(0, 1)
     return values, list(rows), list(columns)
+
+
+class Placing(NamedTuple):
+    """How entries of a lower triangle at a point come into the matrix of a piece: what the kernel reads for that."""
+
+    functions: list[ca.Function]
+    tables: dict[str, Any]
+
+
+def placing_in_c(
+    name: str, form: FlatForm | ShootingForm, rows: list[int], columns: list[int], *, at_end: bool = False
+) -> Placing:
+    """By a function in the flat form; elsewhere the numbers of a point are those of the piece."""
+    if isinstance(form, FlatForm):
+        entries, matrix = form.spread(rows, columns, at_end=at_end)
+        return Placing([c_function(f"{name}_spread", [entries], matrix)], {})
+    return Placing([], {"row": rows, "column": columns})
 
 
 def _sides(constraint: Constraint, shift: Array) -> list[tuple[int, float, float, float]]:
@@ -110,6 +127,8 @@ def limit_in_c(
         c_function(f"{name}_curvature", [place, factors, known], curves),
     ]
     shares = np.arange(grid.first, grid.intervals + 1) / grid.intervals
+    placing = placing_in_c(name, form, curve_rows, curve_columns)
+    at_nodes = form.node_tables(shares) if isinstance(form, FlatForm) else {}
     sides = _sides(constraint, at.shift)
     weights, widths = _penalty(problem, number, limit, [side[0] for side in sides], grid.share)
     tables: Sequence[tuple[str, str, Any]] = (
@@ -119,25 +138,24 @@ def limit_in_c(
         ("gbt_real", "side_edge", [side[3] for side in sides]),
         ("gbt_real", "side_weight", weights),
         ("gbt_real", "side_width", widths),
-        ("int", "curvature_row", curve_rows),
-        ("int", "curvature_column", curve_columns),
         ("gbt_real", "share", shares),
-        *form.node_tables(shares),
+        *(("int", table, entries) for table, entries in placing.tables.items()),
+        *(("gbt_real", table, numbers) for table, numbers in at_nodes.items()),
     )
     hard, judged = int(isinstance(limit, HardLimit)), int(problem.judged[number])
     kind = ("GBT_THRUST", "GBT_CERTAIN", "GBT_BELIEVED")[limit_class(problem, constraint)]
-    tables_of_nodes = ", ".join(f"{name}_{table}" for _, table, _ in tables[8:])
+    spread = [function.name() for function in placing.functions]
+    last = ", ".join([f"{name}_share", *spread, *(f"{name}_{table}" for table in [*placing.tables, *at_nodes])])
     definition = (
         f"    {{{value.numel()}, {len(sides)}, {grid.intervals}, {grid.first}, {len(shares)}, {hard}, {kind},\n"
         f"     {int(grid.given)}, {judged}, {int(grid.steady)}, {int(chained)},\n"
         f"     {name}_side_row, {name}_side_sign, {name}_side_bound,\n"
         f"     {name}_side_edge, {name}_side_weight, {name}_side_width,\n"
         f"     {name}_value, {name}_jacobian, {name}_pull, {name}_push, {name}_curvature,\n"
-        f"     {slopes.numel()}, {len(curve_rows)}, {name}_curvature_row, {name}_curvature_column,\n"
-        f"     {tables_of_nodes}}}"
+        f"     {slopes.numel()}, {len(curve_rows)}, {last}}}"
     )
     return LimitInC(
-        functions,
+        functions + placing.functions,
         definition,
         "".join(c_array(kind, f"{name}_{table}", entries) for kind, table, entries in tables),
         value.numel(),

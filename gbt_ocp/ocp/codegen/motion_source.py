@@ -42,13 +42,10 @@ def _flat(problem: PosedProblem, form: FlatForm) -> MotionInC:
     ]
     tables = c_array("gbt_real", "gbt_acceleration_scale", vehicle.acceleration_scale, const="const")
     orders = range(problem.degree + 1)
-    factors = ", ".join(c_numbers([1.0 / (factorial(i) * factorial(k)) for k in orders]) for i in orders)
     sizes = FLAT_FORM.format(
         degree=problem.degree,
         joined=problem.joined,
         taylor=c_numbers([float(problem.period) ** k / factorial(k) for k in orders]),
-        powers=c_numbers([float(problem.period) ** k for k in range(2 * problem.degree + 1)]),
-        factors=f"{{{factors}}}",
     )
     return MotionInC(sizes, functions, tables, 0)
 

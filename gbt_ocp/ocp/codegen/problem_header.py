@@ -23,9 +23,11 @@ GBT_BEGIN_C
 #define GBT_COUNT {count}           /* bounds at all nodes: "sides" */
 #define GBT_SIDES {sides}           /* the same, at least 1: for arrays */
 #define GBT_JACOBIANS {jacobians}
+#define GBT_PLACES {places}           /* nodes of all limits in all pieces, at least 1 */
 #define GBT_SOFT {soft}            /* 1 where a limit is a penalty */
 #define GBT_ROWS {rows}              /* values of a constraint at a node, at most */
 #define GBT_ENTRIES {entries}          /* nonzeros of a Hessian at a node, at most */
+#define GBT_NODES_MOST {nodes}        /* nodes of a limit in a piece, at most */
 #define GBT_INPUTS {inputs}            /* inputs of the vehicle */
 #define GBT_FINE_POINTS {fine}     /* points of a piece at which a finished trajectory is held against its limits */
 #define GBT_MOMENTS {moments}           /* whether the moments of a forecast are all that the problem needs */
@@ -47,8 +49,12 @@ typedef struct {{
     gbt_function value;    /* (point, numbers) -> term of the objective, to be maximised, and what the sums gain */
     gbt_function gradient; /* (point, numbers, worth) -> all entries, of these, each times what it is worth */
     gbt_function hessian;  /* (point, numbers, weight) -> nonzeros of the lower triangle, the same with weights */
+#if GBT_SHOOTING
     int hessian_entries;
     const int *hessian_row, *hessian_column;
+#else
+    gbt_function spread; /* (entries) -> lower triangle of the matrix of the piece, row by row */
+#endif
 }} gbt_objective_functions;
 
 #if GBT_SUMS
@@ -81,9 +87,12 @@ typedef struct {{
     gbt_function curvature;          /* (place, first and second, J) -> Hessian of first'value + J' diag(second) J */
     int jacobian_entries;
     int curvature_entries;           /* of the lower triangle */
-    const int *curvature_row, *curvature_column;
     const gbt_real *share;           /* of a piece, at each node */
-#if !GBT_SHOOTING
+#if GBT_SHOOTING
+    const int *curvature_row, *curvature_column;
+#else
+    gbt_function spread;             /* (sums over the nodes of each entry times the powers) -> lower triangle of the
+                                        matrix of the piece, row by row */
     const gbt_real *taylor;          /* of each node, s seconds into a piece, GBT_DEGREE + 1 numbers s^k / k!, */
     const gbt_real *powers;          /* and 2 GBT_DEGREE + 1 numbers s^k */
 #endif
@@ -150,8 +159,6 @@ FLAT_FORM = """#define GBT_SHOOTING 0
 #define GBT_DEGREE {degree}            /* L, degree of the polynomials */
 #define GBT_JOINED {joined}            /* derivatives 0 .. that a piece takes over from the one before */
 #define GBT_TAYLOR {taylor} /* T^k / k!: what is in a derivative at the end of a piece of the one k above it */
-#define GBT_POWERS {powers} /* T^k, k = 0 .. 2 L */
-#define GBT_FACTORS {factors} /* 1 / (i! k!) */
 """
 """Sizes of the flat form."""
 

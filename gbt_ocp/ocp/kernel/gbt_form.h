@@ -115,13 +115,14 @@ void gbt_adjoint(const gbt_workspace *work, gbt_piece gradient[], gbt_real out[]
 /* Terms and sums of all pieces, and of those before them. */
 void gbt_total(const gbt_workspace *work, gbt_piece piece[], gbt_real *total);
 
-/* Objective and sides of the limits; returns f, minus the objective. */
-gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y);
+/* Objective and sides of the limits, and work->place, what each limit looks at at each of its nodes; returns f, minus the
+   objective. */
+gbt_real gbt_evaluate(gbt_workspace *work, gbt_piece piece[], gbt_real *y);
 
 /* The trajectory work->trial after a part alpha of work->step. */
 void gbt_try(gbt_workspace *work, gbt_real alpha);
 
-/* At work->piece: gradient of f, and the Jacobians of the limits at all nodes. */
+/* At work->piece, which was evaluated last: gradient of f, and the Jacobians of the limits at all nodes. */
 void gbt_differentiate(gbt_workspace *work);
 
 /* out += the Jacobians transposed times one number for each side. */
@@ -130,7 +131,7 @@ void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_piece o
 /* work->dy: the change of every side along work->step. */
 void gbt_push_forward(gbt_workspace *work);
 
-/* work->curvature: Hessian of f + lambda y, plus the Jacobians' squares weighted with work->sigma. work->pull is what
+/* There, too, work->curvature: Hessian of f + lambda y, plus the Jacobians' squares weighted with work->sigma. work->pull is what
    gbt_adjoint left of the gradient with these multipliers. */
 void gbt_assemble(gbt_workspace *work);
 

@@ -12,23 +12,24 @@ void gbt_taylor(gbt_real s, gbt_real power[GBT_ORDERS])
 /* The same at the end of a piece. */
 static const gbt_real at_end[GBT_ORDERS] = GBT_TAYLOR;
 
-/* How many numbers from the k-th derivative on belong to a point: three derivatives, or what is left of the piece. */
-#define PART(k) (GBT_ORDERS - (k) < 3 ? (GBT_ORDERS - (k)) * GBT_FLAT : GBT_POINT)
-
-/* Derivative o at a point has power[k] of derivative o + k of the piece: all three of them at once. */
 static void point_at(gbt_piece piece, const gbt_real *power, gbt_real *point)
 {
-    const gbt_real *number = &piece[0][0];
-    for (int a = 0; a < GBT_POINT; a++) point[a] = number[a];
-    for (int k = 1; k < GBT_ORDERS; k++)
-        for (int a = 0; a < PART(k); a++) point[a] += power[k] * number[k * GBT_FLAT + a];
+    for (int o = 0; o < 3; o++)
+        for (int j = 0; j < GBT_FLAT; j++) {
+            gbt_real value = piece[o][j];
+            for (int k = 1; o + k < GBT_ORDERS; k++) value += power[k] * piece[o + k][j];
+            point[o * GBT_FLAT + j] = value;
+        }
 }
 
 static void add_transposed(const gbt_real *power, const gbt_real *point, gbt_piece piece)
 {
-    gbt_real *number = &piece[0][0];
-    for (int k = 0; k < GBT_ORDERS; k++)
-        for (int a = 0; a < PART(k); a++) number[k * GBT_FLAT + a] += power[k] * point[a];
+    for (int l = 0; l < GBT_ORDERS; l++)
+        for (int j = 0; j < GBT_FLAT; j++) {
+            gbt_real value = piece[l][j];
+            for (int o = 0; o < 3 && o <= l; o++) value += power[l - o] * point[o * GBT_FLAT + j];
+            piece[l][j] = value;
+        }
 }
 
 void gbt_point_after(gbt_piece piece, gbt_real s, gbt_real *point)
@@ -156,16 +157,16 @@ void gbt_try(gbt_workspace *work, gbt_real alpha)
                 work->trial[i][l][j] = work->piece[i][l][j] + alpha * work->step[i][l][j];
 }
 
-gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
+gbt_real gbt_evaluate(gbt_workspace *work, gbt_piece piece[], gbt_real *y)
 {
-    gbt_real place[GBT_PLACE], value[GBT_ROWS], total[GBT_TERMS];
+    gbt_real value[GBT_ROWS], total[GBT_TERMS], (*place)[GBT_PLACE] = work->place;
     gbt_total(work, piece, total);
     for (int i = 0; i < work->pieces; i++)
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
-            for (int k = 0; k < limit->nodes; k++) {
-                place_at(work, piece, i, limit, k, place);
-                limit->value(place, 0, 0, value);
+            for (int k = 0; k < limit->nodes; k++, place++) {
+                place_at(work, piece, i, limit, k, *place);
+                limit->value(*place, 0, 0, value);
                 for (int r = 0; r < limit->sides; r++)
                     *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening[q];
             }
@@ -175,21 +176,20 @@ gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
 
 void gbt_differentiate(gbt_workspace *work)
 {
-    gbt_real place[GBT_PLACE], slope[GBT_POINT];
+    gbt_real end[GBT_POINT], slope[GBT_POINT], (*place)[GBT_PLACE] = work->place;
     gbt_real *jacobian = work->jacobian;
     gbt_value_sums(work);
     for (int i = 0; i < work->pieces; i++) {
-        point_at(work->piece[i], at_end, place);
-        gbt_objective.gradient(place, work->parameters + i * GBT_END_NUMBERS, work->worth, slope);
+        point_at(work->piece[i], at_end, end);
+        gbt_objective.gradient(end, work->parameters + i * GBT_END_NUMBERS, work->worth, slope);
         for (int a = 0; a < GBT_POINT; a++) slope[a] = -slope[a];
         for (int l = 0; l < GBT_ORDERS; l++)
             for (int j = 0; j < GBT_FLAT; j++) work->gradient[i][l][j] = 0;
         add_transposed(at_end, slope, work->gradient[i]);
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
-            for (int k = 0; k < limit->nodes; k++) {
-                place_at(work, work->piece, i, limit, k, place);
-                limit->jacobian(place, 0, 0, jacobian);
+            for (int k = 0; k < limit->nodes; k++, place++) {
+                limit->jacobian(*place, 0, 0, jacobian);
                 jacobian += limit->jacobian_entries;
             }
         }
@@ -200,18 +200,22 @@ void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_piece o
 {
     gbt_real row[GBT_ROWS], slope[GBT_POINT];
     const gbt_real *jacobian = work->jacobian;
-    for (int i = 0; i < work->pieces; i++)
+    for (int i = 0; i < work->pieces; i++) {
+        gbt_piece sum = {{0}};
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
             for (int k = 0; k < limit->nodes; k++) {
                 for (int r = 0; r < limit->rows; r++) row[r] = 0;
                 for (int r = 0; r < limit->sides; r++) row[limit->row[r]] += limit->sign[r] * sides[r];
                 limit->pull(jacobian, row, 0, slope);
-                add_transposed(limit->taylor + k * GBT_ORDERS, slope, out[i]);
+                add_transposed(limit->taylor + k * GBT_ORDERS, slope, sum);
                 sides += limit->sides;
                 jacobian += limit->jacobian_entries;
             }
         }
+        for (int l = 0; l < GBT_ORDERS; l++)
+            for (int j = 0; j < GBT_FLAT; j++) out[i][l][j] += sum[l][j];
+    }
 }
 
 void gbt_push_forward(gbt_workspace *work)
@@ -233,62 +237,57 @@ void gbt_push_forward(gbt_workspace *work)
 
 #define POWERS (2 * GBT_DEGREE + 1)
 
-/* Adds a symmetric matrix over the points of a piece to the one of the piece. The former is given by the entries of its
-   lower triangle, each as the sums over the points of the entry times s^0, s^1, ..., which is all there is to know of them:
-   derivative l at the beginning of the piece is s^(l-o) / (l-o)! of derivative o at a point. The half below the diagonal
-   counts twice, so half of the diagonal and all below it make a matrix whose sum with its transpose is the result. That sum
-   is left to the end of the piece. */
-static void add_half(gbt_real sums[][POWERS], int entries, const int *rows, const int *columns,
-                     gbt_real half[GBT_PIECE][GBT_PIECE])
+/* Curvatures are symmetric matrices over the numbers of a point, of which the entries of the lower triangle are given. All
+   that the piece needs of one is the sum over the points of each entry times s^0, s^1, ...: derivative l at the beginning
+   of the piece is s^(l-o) / (l-o)! of derivative o at a point. */
+static void sum_up(const gbt_limit *limit, gbt_real entry[][GBT_ENTRIES], gbt_real *sums)
 {
-    static const gbt_real factor[GBT_ORDERS][GBT_ORDERS] = GBT_FACTORS;
-    for (int a = 0; a < entries; a++) {
-        const gbt_real share = rows[a] == columns[a] ? (gbt_real)0.5 : 1;
-        for (int row = rows[a], l = 0; row < GBT_PIECE; row += GBT_FLAT, l++)
-            for (int column = columns[a], m = 0; column < GBT_PIECE; column += GBT_FLAT, m++)
-                half[row][column] += share * factor[l][m] * sums[a][l + m];
+    for (int a = 0; a < limit->curvature_entries; a++) {
+        gbt_real sum[POWERS];
+        for (int d = 0; d < POWERS; d++) sum[d] = 0;
+        for (int k = 0; k < limit->nodes; k++) {
+            const gbt_real own = entry[k][a], *powers = limit->powers + k * POWERS;
+            for (int d = 0; d < POWERS; d++) sum[d] += own * powers[d];
+        }
+        for (int d = 0; d < POWERS; d++) sums[a * POWERS + d] = sum[d];
     }
+}
+
+/* Makes the matrix of a piece symmetric, of which the lower triangle is given row by row. */
+static void fill(const gbt_real *lower, gbt_real matrix[GBT_PIECE][GBT_PIECE])
+{
+    for (int a = 0; a < GBT_PIECE; a++)
+        for (int c = 0; c <= a; c++) matrix[a][c] = matrix[c][a] = *lower++;
 }
 
 void gbt_assemble(gbt_workspace *work)
 {
-    static const gbt_real ends[POWERS] = GBT_POWERS;
-    gbt_real place[GBT_PLACE], entry[GBT_ENTRIES], weights[2 * GBT_ROWS], sums[GBT_ENTRIES][POWERS];
-    gbt_real half[GBT_PIECE][GBT_PIECE];
+    gbt_real end[GBT_POINT], entry[GBT_NODES_MOST][GBT_ENTRIES], weights[2 * GBT_ROWS], (*place)[GBT_PLACE] = work->place;
+    gbt_real sums[GBT_ENTRIES * POWERS], part[GBT_TRIANGLE], lower[GBT_TRIANGLE];
     const gbt_real *lambda = work->lambda, *sigma = work->sigma, *jacobian = work->jacobian;
     gbt_real weight[GBT_TERMS];
 
     for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
     for (int i = 0; i < work->pieces; i++) {
-        for (int a = 0; a < GBT_PIECE; a++)
-            for (int c = 0; c < GBT_PIECE; c++) half[a][c] = 0;
-        point_at(work->piece[i], at_end, place);
-        gbt_objective.hessian(place, work->parameters + i * GBT_END_NUMBERS, weight, entry);
-        for (int a = 0; a < gbt_objective.hessian_entries; a++)
-            for (int d = 0; d < POWERS; d++) sums[a][d] = entry[a] * ends[d];
-        add_half(sums, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column, half);
+        point_at(work->piece[i], at_end, end);
+        gbt_objective.hessian(end, work->parameters + i * GBT_END_NUMBERS, weight, entry[0]);
+        gbt_objective.spread(entry[0], 0, 0, lower);
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
-            for (int a = 0; a < limit->curvature_entries; a++)
-                for (int d = 0; d < POWERS; d++) sums[a][d] = 0;
             for (int k = 0; k < limit->nodes; k++) {
-                const gbt_real *powers = limit->powers + k * POWERS;
                 for (int r = 0; r < 2 * limit->rows; r++) weights[r] = 0;
                 for (int r = 0; r < limit->sides; r++) {
                     weights[limit->row[r]] += limit->sign[r] * *lambda++;
                     weights[limit->rows + limit->row[r]] += *sigma++;
                 }
-                place_at(work, work->piece, i, limit, k, place);
-                limit->curvature(place, weights, jacobian, entry);
+                limit->curvature(*place++, weights, jacobian, entry[k]);
                 jacobian += limit->jacobian_entries;
-                for (int a = 0; a < limit->curvature_entries; a++)
-                    for (int d = 0; d < POWERS; d++) sums[a][d] += entry[a] * powers[d];
             }
-            add_half(sums, limit->curvature_entries, limit->curvature_row, limit->curvature_column, half);
+            sum_up(limit, entry, sums);
+            limit->spread(sums, 0, 0, part);
+            for (int a = 0; a < GBT_TRIANGLE; a++) lower[a] += part[a];
         }
-        for (int a = 0; a < GBT_PIECE; a++)
-            for (int c = 0; c <= a; c++)
-                work->curvature[i][a][c] = work->curvature[i][c][a] = half[a][c] + half[c][a];
+        fill(lower, work->curvature[i]);
     }
 }
 

@@ -12,19 +12,25 @@
 
 static const gbt_real at_end[GBT_ORDERS] = GBT_TAYLOR;
 
-/* h += M' P M, where the next state is M times the numbers of the piece. */
-static void add_rest(gbt_real rest[GBT_STATE][GBT_STATE], gbt_real h[GBT_PIECE][GBT_PIECE])
+/* h = H + M' P M, where the next state is M times the numbers of the piece. */
+static void add_rest(gbt_real rest[GBT_STATE][GBT_STATE], gbt_real own[GBT_PIECE][GBT_PIECE],
+                     gbt_real h[GBT_PIECE][GBT_PIECE])
 {
-    for (int row = 0; row < GBT_STATE; row++) {
-        gbt_real product[GBT_PIECE]; /* this row of P M */
-        for (int a = 0; a < GBT_PIECE; a++) product[a] = 0;
-        for (int o = 0; o < GBT_JOINED; o++)
-            for (int l = o; l < GBT_ORDERS; l++)
-                for (int j = 0; j < GBT_FLAT; j++)
-                    product[l * GBT_FLAT + j] += at_end[l - o] * rest[row][o * GBT_FLAT + j];
-        for (int a = row, k = 0; a < GBT_PIECE; a += GBT_FLAT, k++)
-            for (int c = 0; c < GBT_PIECE; c++) h[a][c] += at_end[k] * product[c];
-    }
+    gbt_real product[GBT_STATE][GBT_PIECE]; /* P M */
+    for (int row = 0; row < GBT_STATE; row++)
+        for (int l = 0; l < GBT_ORDERS; l++)
+            for (int j = 0; j < GBT_FLAT; j++) {
+                gbt_real value = rest[row][j] * at_end[l];
+                for (int o = 1; o < GBT_JOINED && o <= l; o++) value += rest[row][o * GBT_FLAT + j] * at_end[l - o];
+                product[row][l * GBT_FLAT + j] = value;
+            }
+    for (int l = 0; l < GBT_ORDERS; l++)
+        for (int j = 0; j < GBT_FLAT; j++) {
+            gbt_real *to = h[l * GBT_FLAT + j];
+            for (int c = 0; c < GBT_PIECE; c++) to[c] = own[l * GBT_FLAT + j][c] + at_end[l] * product[j][c];
+            for (int o = 1; o < GBT_JOINED && o <= l; o++)
+                for (int c = 0; c < GBT_PIECE; c++) to[c] += at_end[l - o] * product[o * GBT_FLAT + j][c];
+        }
 }
 
 /* What is added to the diagonals: of the model at the end of a piece, and of what is free in it. */
@@ -43,14 +49,12 @@ static void damp(gbt_real delta, gbt_real damping[GBT_PIECE])
 }
 
 /* Quadratic model from piece i on. */
-static void add_piece(const gbt_workspace *work, int i, const gbt_real damping[GBT_PIECE],
+static void add_piece(gbt_workspace *work, int i, const gbt_real damping[GBT_PIECE],
                       gbt_real rest[GBT_STATE][GBT_STATE], gbt_real h[GBT_PIECE][GBT_PIECE])
 {
-    for (int a = 0; a < GBT_PIECE; a++)
-        for (int c = 0; c < GBT_PIECE; c++) h[a][c] = work->curvature[i][a][c];
     for (int a = GBT_FLAT; a < GBT_STATE; a++) rest[a][a] += damping[a];
+    add_rest(rest, work->curvature[i], h);
     for (int a = GBT_STATE + GBT_FLAT; a < GBT_PIECE; a++) h[a][a] += damping[a];
-    add_rest(rest, h);
 }
 
 #if GBT_SUMS /* the recursion is that of gbt_coupling.c */

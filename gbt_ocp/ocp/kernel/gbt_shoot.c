@@ -18,10 +18,8 @@ void gbt_place_after(gbt_piece piece, gbt_real share, gbt_real *place)
 
 #if GBT_STEPS > 1
 typedef gbt_real (*passed_states)[GBT_STEPS + 1][GBT_LAST];
-#define PASSED_STATES(work) ((work)->passed)
 #else
 typedef void *passed_states;
-#define PASSED_STATES(work) 0
 #endif
 
 #if GBT_STEPS > 1
@@ -151,9 +149,9 @@ void gbt_adjoint(const gbt_workspace *work, gbt_piece gradient[], gbt_real out[]
     }
 }
 
-gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
+gbt_real gbt_evaluate(gbt_workspace *work, gbt_piece piece[], gbt_real *y)
 {
-    gbt_real place[GBT_PLACE], value[GBT_ROWS], total[GBT_TERMS];
+    gbt_real value[GBT_ROWS], total[GBT_TERMS], (*place)[GBT_PLACE] = work->place;
 #if GBT_STEPS > 1
     gbt_real states[GBT_PIECES][GBT_STEPS + 1][GBT_LAST], (*passed)[GBT_STEPS + 1][GBT_LAST] = states;
     for (int i = 0; i < work->pieces; i++) gbt_passed_states(piece[i], states[i]);
@@ -164,9 +162,9 @@ gbt_real gbt_evaluate(const gbt_workspace *work, gbt_piece piece[], gbt_real *y)
     for (int i = 0; i < work->pieces; i++)
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
-            for (int k = 0; k < limit->nodes; k++) {
-                place_at_node(work, piece[i], passed, i, limit, k, place);
-                limit->value(place, 0, 0, value);
+            for (int k = 0; k < limit->nodes; k++, place++) {
+                place_at_node(work, piece[i], passed, i, limit, k, *place);
+                limit->value(*place, 0, 0, value);
                 for (int r = 0; r < limit->sides; r++)
                     *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening[q];
             }
@@ -190,8 +188,7 @@ void gbt_objective_slopes(gbt_workspace *work)
 
 void gbt_differentiate(gbt_workspace *work)
 {
-    gbt_real place[GBT_PLACE];
-    gbt_real *jacobian = work->jacobian;
+    gbt_real *jacobian = work->jacobian, (*place)[GBT_PLACE] = work->place;
     gbt_objective_slopes(work);
     for (int i = 0; i < work->pieces; i++) {
 #if GBT_STEPS > 1
@@ -202,9 +199,8 @@ void gbt_differentiate(gbt_workspace *work)
 #endif
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
-            for (int k = 0; k < limit->nodes; k++) {
-                place_at_node(work, work->piece[i], PASSED_STATES(work), i, limit, k, place);
-                limit->jacobian(place, 0, 0, jacobian);
+            for (int k = 0; k < limit->nodes; k++, place++) {
+                limit->jacobian(*place, 0, 0, jacobian);
 #if GBT_STEPS > 1
                 if (limit->moved)
                     for (int r = 0; r < limit->rows; r++)
@@ -260,7 +256,7 @@ static void add(const gbt_real *entry, int entries, const int *rows, const int *
 /* Only the lower triangles. */
 void gbt_assemble(gbt_workspace *work)
 {
-    gbt_real place[GBT_PLACE], entry[GBT_ENTRIES], weights[2 * GBT_ROWS];
+    gbt_real entry[GBT_ENTRIES], weights[2 * GBT_ROWS], (*place)[GBT_PLACE] = work->place;
     const gbt_real *lambda = work->lambda, *sigma = work->sigma, *jacobian = work->jacobian;
     gbt_real weight[GBT_TERMS];
 #if GBT_STEPS > 1
@@ -289,12 +285,11 @@ void gbt_assemble(gbt_workspace *work)
                     weights[limit->row[r]] += limit->sign[r] * *lambda++;
                     weights[limit->rows + limit->row[r]] += *sigma++;
                 }
-                place_at_node(work, work->piece[i], PASSED_STATES(work), i, limit, k, place);
 #if GBT_STEPS > 1
                 if (limit->moved) {
                     const int node = step_of(limit, k);
-                    limit->jacobian(place, 0, 0, slopes);
-                    limit->curvature(place, weights, slopes, entry);
+                    limit->jacobian(*place, 0, 0, slopes);
+                    limit->curvature(*place++, weights, slopes, entry);
                     for (int r = 0; r < limit->rows; r++)
                         for (int a = 0; a < GBT_LAST; a++) push[i][node][a] += weights[r] * slopes[r * GBT_PIECE + a];
                     gbt_add_chained(work->along[i][node], entry, limit->curvature_entries, limit->curvature_row,
@@ -303,7 +298,7 @@ void gbt_assemble(gbt_workspace *work)
                     continue;
                 }
 #endif
-                limit->curvature(place, weights, jacobian, entry);
+                limit->curvature(*place++, weights, jacobian, entry);
                 jacobian += limit->jacobian_entries;
                 add(entry, limit->curvature_entries, limit->curvature_row, limit->curvature_column,
                     work->curvature[i]);

@@ -10,19 +10,25 @@
 
 #define PLACE ((gbt_real)100) /* regularisation of a position in m over that of an input over its limit */
 
-/* Lower triangle of h += F' P F, of the slopes F of the state at the end and a symmetric P. */
+/* h += F' P F, of the slopes F of the state at the end and a symmetric P. */
 static void add_rest(gbt_real slopes[GBT_STATE][GBT_PIECE], gbt_real rest[GBT_STATE][GBT_STATE],
                      gbt_real h[GBT_PIECE][GBT_PIECE])
 {
     gbt_real product[GBT_STATE][GBT_PIECE];
     for (int r = 0; r < GBT_STATE; r++) {
-        for (int a = 0; a < GBT_PIECE; a++) product[r][a] = 0;
+        gbt_real row[GBT_PIECE];
+        for (int a = 0; a < GBT_PIECE; a++) row[a] = 0;
         for (int k = 0; k < GBT_STATE; k++)
-            for (int a = 0; a < GBT_PIECE; a++) product[r][a] += rest[r][k] * slopes[k][a];
+            for (int a = 0; a < GBT_PIECE; a++) row[a] += rest[r][k] * slopes[k][a];
+        for (int a = 0; a < GBT_PIECE; a++) product[r][a] = row[a];
     }
-    for (int r = 0; r < GBT_STATE; r++)
-        for (int a = 0; a < GBT_PIECE; a++)
-            for (int c = 0; c <= a; c++) h[a][c] += slopes[r][a] * product[r][c];
+    for (int a = 0; a < GBT_PIECE; a++) {
+        gbt_real row[GBT_PIECE];
+        for (int c = 0; c < GBT_PIECE; c++) row[c] = h[a][c];
+        for (int r = 0; r < GBT_STATE; r++)
+            for (int c = 0; c < GBT_PIECE; c++) row[c] += slopes[r][a] * product[r][c];
+        for (int c = 0; c < GBT_PIECE; c++) h[a][c] = row[c];
+    }
 }
 
 static void begin_rest(const gbt_workspace *work, gbt_real rest[GBT_STATE][GBT_STATE])
@@ -36,15 +42,16 @@ static void add_piece(gbt_workspace *work, int i, gbt_real delta, gbt_real rest[
                       gbt_real h[GBT_PIECE][GBT_PIECE])
 {
     for (int a = 0; a < GBT_PIECE; a++)
-        for (int c = 0; c <= a; c++) h[a][c] = work->curvature[i][a][c];
-    for (int a = 0; a < gbt_stage_entries && delta <= 0; a++)
-        h[gbt_stage_row[a]][gbt_stage_column[a]] += work->bend[i][a];
+        for (int c = 0; c <= a; c++) h[a][c] = h[c][a] = work->curvature[i][a][c];
+    for (int a = 0; a < gbt_stage_entries && delta <= 0; a++) {
+        const int row = gbt_stage_row[a], column = gbt_stage_column[a];
+        h[row][column] += work->bend[i][a];
+        h[column][row] = h[row][column];
+    }
     for (int a = 0; a < GBT_FREE; a++)
         h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
     for (int a = 0; a < GBT_DIMENSION && delta > 0; a++) rest[a][a] += PLACE * delta;
     add_rest(work->slopes[i], rest, h);
-    for (int a = 0; a < GBT_PIECE; a++)
-        for (int c = 0; c < a; c++) h[c][a] = h[a][c];
 }
 
 #if GBT_SUMS /* the recursion is that of gbt_coupling.c */
@@ -97,13 +104,15 @@ void gbt_follow_gains(gbt_workspace *work, int i, gbt_real part, const gbt_real 
 void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *change)
 {
     for (int i = work->pieces - 1; i >= 0; i--) {
-        gbt_real *push = work->push[i], *own = gradient[i], *next = gradient[i + 1];
+        gbt_real *push = work->push[i], *next = gradient[i + 1], own[GBT_PIECE];
+        for (int a = 0; a < GBT_PIECE; a++) own[a] = gradient[i][a];
         for (int r = 0; r < GBT_STATE; r++)
             for (int a = 0; a < GBT_PIECE; a++) own[a] += work->slopes[i][r][a] * next[r];
         for (int a = 0; a < GBT_FREE; a++) push[a] = -own[GBT_STATE + a];
         gbt_forward(work->factor[i], push);
         for (int k = 0; k < GBT_FREE; k++)
             for (int c = 0; c < GBT_STATE; c++) own[c] += work->gain[i][k][c] * push[k];
+        for (int a = 0; a < GBT_STATE; a++) gradient[i][a] = own[a];
     }
     for (int a = 0; a < GBT_STATE; a++) work->step[0][a] = change[a];
     for (int i = 0; i < work->pieces; i++) {

@@ -25,6 +25,7 @@ typedef gbt_real gbt_piece[GBT_PIECE];
 #define GBT_PIECE (GBT_ORDERS * GBT_FLAT)     /* numbers that describe a piece */
 #define GBT_STATE (GBT_JOINED * GBT_FLAT)     /* the continuous derivatives: what a piece inherits from the one before */
 #define GBT_FREE (GBT_PIECE - GBT_STATE)      /* those above them, up to the L-th: what is free in a piece */
+#define GBT_TRIANGLE (GBT_PIECE * (GBT_PIECE + 1) / 2) /* entries of a triangle of a matrix of that size */
 #define GBT_POINT (3 * GBT_FLAT)              /* z, its rate and its acceleration at one time */
 #define GBT_ROWS_OF_PIECES GBT_PIECES
 typedef gbt_real gbt_piece[GBT_ORDERS][GBT_FLAT];
@@ -79,6 +80,7 @@ typedef struct {
     gbt_piece gradient[GBT_ROWS_OF_PIECES];
     gbt_piece pull[GBT_ROWS_OF_PIECES];
     gbt_real curvature[GBT_ROWS_OF_PIECES][GBT_PIECE][GBT_PIECE];
+    gbt_real place[GBT_PLACES][GBT_PLACE]; /* of the trajectory that was evaluated last */
     gbt_real jacobian[GBT_JACOBIANS];
 #if GBT_SHOOTING
     gbt_real slopes[GBT_PIECES][GBT_STATE][GBT_PIECE]; /* of the state at the end of each piece */
