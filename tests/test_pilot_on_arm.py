@@ -42,7 +42,7 @@ def steps_on_the_board(place, name, change, commands, precision):
     return recording, arrays, sizes
 
 
-@pytest.mark.parametrize("precision", ["double"])
+@pytest.mark.parametrize("precision", ["double", "single"])
 @pytest.mark.parametrize(("name", "change", "commands"), CASES)
 def test_commands_on_a_microcontroller_are_those_of_python(tmp_path, name, change, commands, precision):
     recording, steps, sizes = steps_on_the_board(tmp_path, name, change, commands, precision)
@@ -56,7 +56,7 @@ def test_commands_on_a_microcontroller_are_those_of_python(tmp_path, name, chang
         assert off[-1] < 100.0
         assert np.all(steps["same"][compared & (steps["steady"] == 1)])
     else:
-        assert np.median(steps["difference"]) < 1e-2
+        assert np.median(steps["difference"][compared]) < 0.03
     assert sizes["stack"] < 32768
     took = steps["instructions"]
     assert took[steps["planned"] == 1].min() > 1e5, "planning takes time"
