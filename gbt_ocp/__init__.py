@@ -12,9 +12,10 @@ The matrices are small, and threads slow small matrices down: set ``OPENBLAS_NUM
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False  # not typing's: an interrupt while that is loaded would not be answered in one line
 if TYPE_CHECKING:
+    from typing import Any
+
     __version__: str
     from gbt_ocp.experiments.build.tracker_kinds import TrackerKind
     from gbt_ocp.experiments.config.faults import ConfigurationError

@@ -41,5 +41,5 @@ def test_it_plans_on_a_microcontroller_what_was_recorded(program):
         assert differences[len(differences) // 2] < 1e-4
     assert all(step[6] <= 1e-6 for step in steps), "every first piece keeps the limits"
     sizes = dict(re.findall(r"(stack|planner) (\d+)", said))
-    assert 500 < int(sizes["stack"]) < 4096
+    assert 500 < int(sizes["stack"]) < 6144
     print(said.splitlines()[-1])

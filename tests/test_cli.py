@@ -258,7 +258,7 @@ def test_one_list_is_shown_alone(capsys):
     assert cli.main(["list", "vehicles"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "vehicles"
-    assert [line.split()[0] for line in lines[1:]] == ["falcon", "bluerov2_heavy"]
+    assert [line.split()[0] for line in lines[1:]] == ["falcon", "bluerov2_heavy", "torpedo2d", "torpedo3d", "vessel"]
 
 
 def test_help_is_exit_0(capsys):

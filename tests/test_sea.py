@@ -301,7 +301,8 @@ def test_a_turn_that_reverses_is_flown_and_recorded_for_the_generated_code():
         "limits.range.confidence=0.5",
         "limits.range.target_speed_max=null",
     ]  # it does not jump
-    tracker = "{kind: ekf, initial_range_m: 40, initial_range_std_m: 1, initial_speed_std: 0.3, forecast_period_s: 1}"
+    tracker = "{kind: ekf, initial_range_m: 40, initial_range_std_m: 1, initial_speed_std: 0.3, bearing_std_deg: 1"
+    tracker += ", forecast_period_s: 1}"
     configuration = load_config("sea2d", [*changes, f"tracker={tracker}"])
     planner = build_planner(configuration, build_vehicle(configuration))
     steps = recorded_steps(configuration, planner, 30)

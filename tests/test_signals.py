@@ -44,6 +44,8 @@ def check_whole(folder):
             assert all(None not in row for row in read_rows(path)), path
         elif path.suffix == ".png":
             assert content.endswith(b"IEND\xaeB`\x82"), path
+        elif path.suffix == ".pdf":
+            assert content.rstrip().endswith(b"%%EOF"), path
         elif path.suffix in (".yaml", ".md", ".html", ".tex", ".txt"):
             assert content.endswith(b"\n"), path
         else:

@@ -180,8 +180,9 @@ class CrossFirst:
             return self.planned.decide(time, flat, forecast)
         self.planned.remember(time, flat, forecast)
         thrust = self._dynamics.reach_velocity(flat, velocity)
-        if isinstance(self.planned.planner, AnyPlanner):
-            self.planned.planner.act(thrust)
+        planner = planner_of(self.planned)
+        if isinstance(planner, AnyPlanner):
+            planner.act(thrust)
         return thrust
 
 
