@@ -333,8 +333,9 @@ def test_a_torpedo_closes_the_loop():
     assert np.nanmax(history.piece_thrust_peak) <= 1.0
     assert np.all(np.isin(history.solver_status[history.planned], ("solved", "given up")))
     assert history.planned.sum() >= 3
-    assert "thrust_rudder" in dataframe(history, loop.vehicle.input_names[2])
     assert np.nanmax(history.off_plan) < 0.5
     assert np.all(np.isfinite(history.power))
     distance = np.linalg.norm(history.target - history.vehicle_pose[:, :2], axis=1)
     assert distance.min() > 30.0
+    pytest.importorskip("pandas", reason="pandas is not installed; the rest of the test passed")
+    assert "thrust_rudder" in dataframe(history, loop.vehicle.input_names[2])

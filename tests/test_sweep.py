@@ -350,7 +350,8 @@ def test_interrupt_keeps_what_is_finished_and_says_how_to_go_on(tmp_path, jobs):
     arguments = ["case1", "--runs", "300", "--set", "duration_s=2.0", "guidance.kind=random", "--jobs", jobs]
     code, errors = killed_when(folder, 3, [*arguments, "--out", str(folder)], signal.SIGINT)
     assert code == 4
-    assert errors.splitlines()[-1].endswith(f"go on with: gbt-ocp sweep --resume {folder}")
+    # joblib's own process may say something after the last line
+    assert any(line.endswith(f"go on with: gbt-ocp sweep --resume {folder}") for line in errors.splitlines())
     assert 3 <= len(table(folder)) < 300
 
 
