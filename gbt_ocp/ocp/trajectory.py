@@ -190,23 +190,29 @@ class FlatTrajectory:
 
     def point(self, time: float) -> FlatPoint:
         """z, ż, z̈ at one time, each ``(n,)``: what three calls of the trajectory give, in a tenth of their time."""
-        pieces = self._derived
-        piece = min(max(int((time / self.period + 1e-9) // 1.0), 0), len(pieces) - 1)
-        s = time - piece * self.period
-        power, powers = 1.0, []
-        for _ in range(pieces.shape[2]):
+        piece = min(max(int((time / self.period + 1e-9) // 1.0), 0), len(self.top) - 1)
+        derived = self._derived.get(piece)
+        if derived is None:
+            derived = self._derived[piece] = self._derivatives_of(piece)
+        s, power, powers = time - piece * self.period, 1.0, []
+        for _ in range(derived.shape[1]):
             powers.append(power)
             power *= s
-        return FlatPoint(*np.dot(powers, pieces[piece]))
+        return FlatPoint(*np.dot(powers, derived))
 
     @cached_property
-    def _derived(self) -> Array:
-        """Coefficients of z, ż and z̈ in each piece ``(p, 3, L+1, n)``."""
-        found = np.zeros((self.pieces, 3, self.degree + 1, self.start.shape[1]))
+    def _derived(self) -> dict[int, Array]:
+        """What :meth:`_derivatives_of` gave, piece by piece: a plan is followed in its first piece, most often."""
+        return {}
+
+    def _derivatives_of(self, piece: int) -> Array:
+        """Coefficients of z, ż and z̈ in a piece ``(3, L+1, n)``."""
+        begin = self.start if piece == 0 else self.knots[piece]
+        derivatives = np.concatenate([begin, self._free[piece]])
+        found = np.zeros((3, *derivatives.shape))
         for order in range(3):
-            for power in range(order, self.degree + 1):
-                factor = factorial(power) / factorial(power - order)
-                found[:, order, power - order] = factor * self.coefficients[:, power]
+            for power in range(len(derivatives) - order):
+                found[order, power] = derivatives[power + order] / factorial(power)
         return found
 
     def segment(self, begin: float, duration: float) -> FlatTrajectory:

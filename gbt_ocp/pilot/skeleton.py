@@ -49,10 +49,15 @@ def _slots(kind: Any) -> tuple[str, ...]:
     return tuple(name for names in declared for name in ((names,) if isinstance(names, str) else names))
 
 
+def _is_frozen(kind: Any) -> bool:
+    """Whether a kind is a frozen dataclass."""
+    return bool(getattr(getattr(kind, "__dataclass_params__", None), "frozen", False))
+
+
 @cache
 def _is_shared(kind: Any) -> bool:
     """Whether objects of a kind are not copied: those that remember nothing, and frozen ones."""
-    return _of_fixed_kind(kind) or getattr(getattr(kind, "__dataclass_params__", None), "frozen", False)
+    return _of_fixed_kind(kind) or _is_frozen(kind)
 
 
 def _attributes(one: Any) -> dict[str, Any]:
@@ -95,7 +100,8 @@ class Skeleton:
         Arrays that stand in containers, and frozen objects, are not copied: they are taken as what is never written to.
         """
         known: dict[int, Any] = {}
-        return {place: self._copied(_attributes(one), known) for place, one in self._remembering.items()}
+        changing = ((place, one) for place, one in self._remembering.items() if not _is_frozen(type(one)))
+        return {place: self._copied(_attributes(one), known) for place, one in changing}
 
     def remember(self, memory: dict[str, dict[str, Any]]) -> None:
         """Have the objects remember a copy of what :meth:`remembered` gave."""
@@ -133,6 +139,8 @@ class Skeleton:
     def _copied_object(self, one: Any, known: dict[int, Any]) -> Any:
         kind: Any = type(one)
         if isinstance(one, tuple) and hasattr(kind, "_make"):
+            if _NEVER_WRITTEN.issuperset(map(type, one)):
+                return one
             return kind._make(self._copied(item, known) for item in one)
         if isinstance(one, np.random.Generator | dict | list | set | deque):
             return deepcopy(one)
