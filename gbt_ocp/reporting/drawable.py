@@ -10,7 +10,6 @@ import numpy as np
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.columns import columns
 from gbt_ocp.simulation.history import History
-from gbt_ocp.typing import Array
 
 
 def drawable_history(folder: Path) -> History:
@@ -28,12 +27,6 @@ def drawable_history(folder: Path) -> History:
     for name in ("vehicle_pose", "target"):
         if not np.isfinite(getattr(history, name)).all(axis=1).any():
             raise ValueError(f"{path}: {name}: found no step with finite numbers; allowed: at least one")
-    infinite = {name: np.isinf(array) for name, array in _numbers(history) if np.isinf(array).any()}
-    drawn = {name: np.where(where, np.nan, getattr(history, name)) for name, where in infinite.items()}
-    return replace(history, **drawn)
-
-
-def _numbers(history: History) -> list[tuple[str, Array]]:
-    """The columns that may hold what is not finite."""
-    arrays = [(one.name, getattr(history, one.name)) for one in columns(History)]
-    return [(name, array) for name, array in arrays if array.dtype.kind == "f"]
+    arrays = {one.name: getattr(history, one.name) for one in columns(History)}
+    numbers = {name: array for name, array in arrays.items() if array.dtype.kind == "f"}
+    return replace(history, **{name: np.where(np.isinf(array), np.nan, array) for name, array in numbers.items()})
