@@ -190,6 +190,14 @@ class FlatTrajectory:
 
     def point(self, time: float) -> FlatPoint:
         """z, ż, z̈ at one time, each ``(n,)``: what three calls of the trajectory give, in a tenth of their time."""
+        return FlatPoint(*self._values(time))
+
+    def step(self, since: float, until: float) -> Array:
+        """How far z, ż and z̈ go between two times ``(3, n)``."""
+        return self._values(until) - self._values(since)
+
+    def _values(self, time: float) -> Array:
+        """z, ż, z̈ at one time ``(3, n)``."""
         piece = min(max(int((time / self.period + 1e-9) // 1.0), 0), len(self.top) - 1)
         derived = self._derived.get(piece)
         if derived is None:
@@ -198,7 +206,8 @@ class FlatTrajectory:
         for _ in range(derived.shape[1]):
             powers.append(power)
             power *= s
-        return FlatPoint(*np.dot(powers, derived))
+        values: Array = np.dot(powers, derived)
+        return values
 
     @cached_property
     def _derived(self) -> dict[int, Array]:

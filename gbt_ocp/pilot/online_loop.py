@@ -78,6 +78,8 @@ class OnlineLoop:
         Times in seconds of the measurements with which the tracker began a new track after a long gap.
     held
         Steps in which the forecast was not finite.
+    learns
+        Whether the guidance learns the current from how the vehicle moves.
     """
 
     def __init__(
@@ -90,6 +92,7 @@ class OnlineLoop:
         self._ahead = forecast_period * np.arange(forecast + 1)
         # isinstance with a protocol takes as long as a step of a cheap tracker, so it is asked once
         self._sees = guidance if isinstance(guidance, BearingGuidance) else None
+        self.learns = isinstance(guidance, InWater)
         self._seen: Array | None = None
         self._usable: Forecast | None = None
         self._spent = 0.0

@@ -42,14 +42,14 @@ def earth_rates(pose: Array, velocity: Array, dimension: int) -> Array:
 
     The angles follow the d of the position: yaw, a turn about the vertical, and where there is one the pitch, bow up.
     """
-    rates = velocity.copy()
-    yaw, ahead, aside = pose[dimension], velocity[0], velocity[1]
-    if len(pose) > dimension + 1:
-        c, s = math.cos(pose[dimension + 1]), math.sin(pose[dimension + 1])
-        ahead, rates[2] = c * velocity[0] - s * velocity[2], s * velocity[0] + c * velocity[2]
-    c, s = math.cos(yaw), math.sin(yaw)
+    angles, rates = pose[dimension:].tolist(), velocity.tolist()
+    ahead, aside = rates[:2]
+    if len(angles) > 1:
+        c, s = math.cos(angles[1]), math.sin(angles[1])
+        ahead, rates[2] = c * ahead - s * rates[2], s * ahead + c * rates[2]
+    c, s = math.cos(angles[0]), math.sin(angles[0])
     rates[0], rates[1] = c * ahead - s * aside, s * ahead + c * aside
-    return rates
+    return np.array(rates)
 
 
 class OwnTrack:
@@ -142,16 +142,19 @@ class OwnTrack:
         span = after.time - before.time
         if span > self._gap and not bridging:
             return None
-        step = after.pose - before.pose
-        for angle in range(self._dimension, len(step)):
-            step[angle] = math.remainder(step[angle], 2.0 * math.pi)
-        s = (time - before.time) / span
-        # the cubic of Hermite about the straight line between both
-        bent = (1.0 - s) * (span * before.rates - step) - s * (span * after.rates - step)
-        pose = before.pose + s * step + s * (1.0 - s) * bent
-        slopes = (1.0 - 2.0 * s) * bent - s * (1.0 - s) * (span * (before.rates + after.rates) - 2.0 * step)
-        rates = (step + slopes) / span
-        return OwnState(time, pose, rates, max(before.heading_std, after.heading_std))
+        s, pose, rates = (time - before.time) / span, [], []
+        # of three or four numbers arrays are slower than lists
+        ends = zip(*(values.tolist() for values in (*before[1:3], *after[1:3])), strict=True)
+        for place, (begin, rate, end, last_rate) in enumerate(ends):
+            step = end - begin
+            if place >= self._dimension:
+                step = math.remainder(step, 2.0 * math.pi)
+            # the cubic of Hermite about the straight line between both
+            bent = (1.0 - s) * (span * rate - step) - s * (span * last_rate - step)
+            pose.append(begin + s * step + s * (1.0 - s) * bent)
+            slope = (1.0 - 2.0 * s) * bent - s * (1.0 - s) * (span * (rate + last_rate) - 2.0 * step)
+            rates.append((step + slope) / span)
+        return OwnState(time, np.array(pose), np.array(rates), max(before.heading_std, after.heading_std))
 
 
 def checked_numbers(name: str, values: object, shape: tuple[int, ...]) -> Array:

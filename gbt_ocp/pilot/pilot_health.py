@@ -7,13 +7,11 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.pilot.own_track import Received
 from gbt_ocp.tracking.disagreement import LEAST_COUNT, MANY_TIMES
 from gbt_ocp.tracking.polar import is_bearing
-from gbt_ocp.tracking.protocol import Forecast
+from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast
 from gbt_ocp.typing import Array
 
 LOST_DIRECTION = 0.5
@@ -90,6 +88,13 @@ class TrackWatch:
     ----------
     bearing_std
         Deviation in radians of bearings that do not state one.
+
+    Attributes
+    ----------
+    vague
+        Whether the last forecast does not know the direction to the target.
+    range_known
+        Whether the deviation of its range was below a quarter of the range.
     """
 
     def __init__(self, bearing_std: float) -> None:
@@ -97,7 +102,7 @@ class TrackWatch:
         self._off: deque[bool] = deque(maxlen=LEAST_COUNT)
         self._times: list[float] = []
         self._forecast: Forecast | None = None
-        self.vague = False
+        self.vague = self.range_known = False
 
     @property
     def lost(self) -> bool:
@@ -108,7 +113,8 @@ class TrackWatch:
         """Take note of a forecast at the times ``(K,)``, made at an own position ``(d,)``."""
         self._times, self._forecast = times.tolist(), forecast
         line = forecast.mean[0] - own
-        self.vague = _spread(line, forecast.covariance[0]) > LOST_DIRECTION**2
+        across, along = _spreads(line, forecast.covariance[0])
+        self.vague, self.range_known = across > LOST_DIRECTION**2, along < RANGE_OBSERVABLE**2
 
     def see(self, sighting: Sighting) -> None:
         """Compare a bearing with the last forecast; other kinds, and times that it does not reach, say nothing."""
@@ -119,7 +125,7 @@ class TrackWatch:
         index = min(int(place), len(times) - 2)
         share = place - index
         line = (1.0 - share) * forecast.mean[index] + share * forecast.mean[index + 1] - sighting.position
-        spread = _spread(line, forecast.covariance[index])
+        spread, _ = _spreads(line, forecast.covariance[index])
         if math.isfinite(spread):
             across = float(line @ sighting.bearing) / math.sqrt(float(line @ line))
             angle = math.acos(min(max(across, -1.0), 1.0))
@@ -127,10 +133,15 @@ class TrackWatch:
             self._off.append(angle**2 > MANY_TIMES**2 * (spread + std**2))
 
 
-def _spread(line: Array, covariance: Array) -> float:
-    """Variance in rad² of the direction of a line ``(d,)``, the mean over its axes; NaN where it is not known."""
-    square = float(line @ line)
+def _spreads(line: Array, covariance: Array) -> tuple[float, float]:
+    """Variance in rad² of the direction of a line ``(d,)``, the mean over its axes, and that of its length over itself.
+
+    NaN where they are not known.
+    """
+    x, rows = line.tolist(), covariance.tolist()  # of two or three numbers arrays are slower than lists
+    square = sum(a * a for a in x)
     if not square > 0.0:
-        return math.nan
-    along = float(line @ covariance @ line) / square
-    return (float(np.trace(covariance)) - along) / (line.size - 1) / square
+        return math.nan, math.nan
+    along = sum(a * sum(c * b for c, b in zip(row, x, strict=True)) for a, row in zip(x, rows, strict=True)) / square
+    trace = sum(row[i] for i, row in enumerate(rows))
+    return (trace - along) / (len(x) - 1) / square, along / square

@@ -26,7 +26,6 @@ from gbt_ocp.pilot.pilot_parts import PilotParts
 from gbt_ocp.pilot.plan_follower import ON_PLAN, PlanFollower
 from gbt_ocp.pilot.shot_follower import ShotFollower
 from gbt_ocp.pilot.skeleton import Skeleton
-from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, relative_range_std
 from gbt_ocp.typing import Array
 
 MOST_KNOWN = 512
@@ -56,6 +55,7 @@ class Piloting:
         planner = planner_of(parts.guidance)
         self._joined = 2 if planner is None else planner.problem.joined
         self._dimension = vehicle.position_dimension
+        self._flat_size: int = vehicle.flat_dimension
         self._size = vehicle.flat_dimension if isinstance(vehicle, DrivenBody) else self._dimension + 1
         self._own = OwnTrack(parts.late, parts.navigation_gap, self._dimension)
         self._watch = TrackWatch(parts.bearing_std)
@@ -68,8 +68,7 @@ class Piloting:
         self._last: PilotCommand | None = None
         self._decided: Decided | None = None
         self._through: FlatTrajectory | None = None
-        self._planned: Plan | ShootingPlan | None = None
-        self._range_known = False
+        self._said: dict[str, Any] = {}
         self._thrusts: deque[tuple[float, Array]] = deque()
         self._learnt: OwnState | None = None
 
@@ -156,25 +155,25 @@ class Piloting:
                 return last
             notes = tuple(dict.fromkeys(["time stepped back", *last.health.notes]))
             return replace(last, health=replace(last.health, notes=notes))
-        own = self._own.at(t, bridging=True)
-        if own is None or self._intake is None:
+        carried = self._carried_on(t)
+        if carried is None or self._intake is None:
             nothing = np.zeros(len(self.parts.vehicle.thrust_max))
             return PilotCommand(t, nothing, False, self._health(t), None, self.parts.vehicle, self._lead)
         self._settle(t, self._intake)
         period = self.parts.period
         hold = period if last is None else min(t - last.time, period)
-        z, dz = self._carried_on(own, t)
+        z, dz = carried
         # at the command nearest to the time at which the next decision is due
         if self._decided is None or t + 0.5 * hold >= self._decided.time + period:
             self._decide(t, z, dz)
         decided = self._decided
         assert decided is not None, "it was decided before"
         thrust = self._thrust(decided, t, hold, z, dz)
-        if thrust is not None:
+        if thrust is not None and self._online.learns:
             self._thrusts.append((t, thrust))
         self._now = t
         self._last = PilotCommand(
-            t, thrust, self._range_known, self._health(t), decided, self.parts.vehicle, self._lead
+            t, thrust, self._watch.range_known, self._health(t), decided, self.parts.vehicle, self._lead
         )
         return self._last
 
@@ -199,13 +198,10 @@ class Piloting:
     def _decide(self, time: float, z: Array, dz: Array) -> None:
         self._learn()
         decided = self._online.decide(time, self._flat(time, z, dz))
-        forecast, place = decided.forecast, z[: self._dimension]
-        self._watch.forecast(decided.times, forecast, place)
-        spread = relative_range_std(forecast.mean[0], forecast.covariance[0], place)
-        self._range_known = bool(spread < RANGE_OBSERVABLE)
+        self._watch.forecast(decided.times, decided.forecast, z[: self._dimension])
         plan = decided.plan
         if plan is not None and plan.status:
-            self._planned = plan
+            self._said = _said_by(plan)
         self._decided, self._through = decided, None
 
     def _flat(self, time: float, z: Array, dz: Array) -> Array:
@@ -226,26 +222,29 @@ class Piloting:
             measured[order] = trajectory(elapsed + since, order)
         return measured
 
-    def _carried_on(self, own: OwnState, time: float) -> tuple[Array, Array]:
-        """Flat output and rate ``(n,)`` now: since the last navigation as planned, where a plan is followed."""
-        n, latest, decided = self.parts.vehicle.flat_dimension, self._own.latest, self._decided
+    def _carried_on(self, time: float) -> tuple[Array, Array] | None:
+        """Flat output and rate ``(n,)`` now: since the last navigation as planned, where a plan is followed.
+
+        ``None`` before the first navigation.
+        """
+        n, latest, decided = self._flat_size, self._own.latest, self._decided
         if latest is not None and decided is not None and isinstance(decided.decision, Plan):
             since = latest.time - decided.time + decided.decision.elapsed
             if latest.time < time <= latest.time + self.parts.navigation_gap and since >= 0.0:
-                trajectory = decided.decision.trajectory
-                then, now = trajectory.point(since), trajectory.point(since + time - latest.time)
-                return latest.pose[:n] + (now.z - then.z), latest.rates[:n] + (now.dz - then.dz)
-        return own.pose[:n], own.rates[:n]
+                step = decided.decision.trajectory.step(since, since + time - latest.time)
+                return latest.pose[:n] + step[0], latest.rates[:n] + step[1]
+        own = self._own.at(time, bridging=True)
+        return None if own is None else (own.pose[:n], own.rates[:n])
 
     def _learn(self) -> None:
         """Have the guidance learn the current from the last navigations and the thrust between them."""
         latest, before = self._own.latest, self._learnt
         assert latest is not None, "there is a navigation"
-        if before is not None and latest.time - before.time < 0.5 * self.parts.period:
+        if not self._online.learns or (before is not None and latest.time - before.time < 0.5 * self.parts.period):
             return
         self._learnt = latest
         if before is not None and self._thrusts and self._thrusts[0][0] <= before.time:
-            n = self.parts.vehicle.flat_dimension
+            n = self._flat_size
             first, then = (np.array([one.pose[:n], one.rates[:n]]) for one in (before, latest))
             mean = self._mean_thrust(before.time, latest.time)
             self._online.learn(first, then, mean, latest.time - before.time)
@@ -278,14 +277,9 @@ class Piloting:
         return self._follower.thrust(self._through, now, now + 0.5 * hold, water, z, dz)
 
     def _health(self, time: float) -> PilotHealth:
-        latest, planned, decided = self._own.latest, self._planned, self._decided
+        latest, decided, said = self._own.latest, self._decided, self._said
         heard = -math.inf if self._intake is None else self._intake.latest
         age = math.inf if latest is None else max(0.0, time - latest.time)
-        said: dict[str, Any] = {}
-        if planned is not None:
-            said = {"planner": planned.status, "fallback": planned.fallback}
-        if isinstance(planned, Plan):
-            said |= {"given_up": planned.given_up, "broken_at_start": planned.broken_at_start}
         lost = self._watch.lost
         found = (
             ("no navigation", decided is None),
@@ -306,3 +300,11 @@ class Piloting:
             new_tracks=len(self._online.begun),
             **said,
         )
+
+
+def _said_by(plan: Plan | ShootingPlan) -> dict[str, Any]:
+    """What a plan says in the health, by the name of the attribute."""
+    said: dict[str, Any] = {"planner": plan.status, "fallback": plan.fallback}
+    if isinstance(plan, Plan):
+        said |= {"given_up": plan.given_up, "broken_at_start": plan.broken_at_start}
+    return said

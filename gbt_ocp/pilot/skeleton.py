@@ -55,9 +55,17 @@ def _is_frozen(kind: Any) -> bool:
 
 
 @cache
-def _is_shared(kind: Any) -> bool:
-    """Whether objects of a kind are not copied: those that remember nothing, and frozen ones."""
-    return _of_fixed_kind(kind) or _is_frozen(kind)
+def _stays(kind: Any) -> bool:
+    """Whether objects of a kind are not copied: numbers, text, arrays in containers, code, and frozen ones."""
+    if kind in _NEVER_WRITTEN or _is_frozen(kind):
+        return True
+    return not issubclass(kind, (*_CONTAINERS, dict, np.random.Generator)) and _of_fixed_kind(kind)
+
+
+def _keeps(one: Any) -> bool:
+    """Whether an object is not copied."""
+    kind: Any = type(one)
+    return _stays(kind)
 
 
 def _attributes(one: Any) -> dict[str, Any]:
@@ -110,8 +118,8 @@ class Skeleton:
             _set_attributes(self._remembering[place], self._copied(attributes, known))
 
     def _copied(self, one: Any, known: dict[int, Any]) -> Any:
-        kind = type(one)
-        if kind in _NEVER_WRITTEN or id(one) in self._places:
+        kind: Any = type(one)
+        if _stays(kind) or id(one) in self._places:
             return one
         if id(one) in known:
             return known[id(one)][1]
@@ -121,13 +129,13 @@ class Skeleton:
                 name: item.copy()
                 if type(item) is np.ndarray
                 else item
-                if type(item) in _NEVER_WRITTEN
+                if _keeps(item)
                 else self._copied(item, known)
                 for name, item in one.items()
             }
         elif kind in (list, deque, set, tuple):
-            if not _NEVER_WRITTEN.issuperset(map(type, one)):
-                items = [item if type(item) in _NEVER_WRITTEN else self._copied(item, known) for item in one]
+            if not all(map(_keeps, one)):
+                items = [self._copied(item, known) for item in one]
                 made = deque(items, one.maxlen) if kind is deque else kind(items)
             elif kind is not tuple:
                 made = one.copy()
@@ -139,13 +147,11 @@ class Skeleton:
     def _copied_object(self, one: Any, known: dict[int, Any]) -> Any:
         kind: Any = type(one)
         if isinstance(one, tuple) and hasattr(kind, "_make"):
-            if _NEVER_WRITTEN.issuperset(map(type, one)):
+            if all(map(_keeps, one)):
                 return one
             return kind._make(self._copied(item, known) for item in one)
         if isinstance(one, np.random.Generator | dict | list | set | deque):
             return deepcopy(one)
-        if _is_shared(kind):
-            return one
         made = object.__new__(kind)
         _set_attributes(made, self._copied(_attributes(one), known))
         return made

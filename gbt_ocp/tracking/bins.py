@@ -7,7 +7,8 @@ to multiples of their width, so samples may come at any times, be missed, or sto
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,58 +47,51 @@ ENOUGH = 4
 """Bearings in a bin from which their median tells the strays among them; fewer are judged by a gate's word."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Bin:
-    """The samples of one bin: rows ``[t, λ, o]``, their offsets from what was expected, and a gate's word on each."""
+    """The samples of one bin: rows ``[t, λ, o]``, their offsets from what was expected, and a gate's word on each.
+
+    It is not written to, so that copies of a tracker share it.
+    """
 
     index: int
-    rows: list[Array] = field(default_factory=list)
-    offsets: list[Array] = field(default_factory=list)
-    suspects: list[bool] = field(default_factory=list)
-    weights: list[float] = field(default_factory=list)
+    stray: float
+    rows: tuple[Array, ...] = ()
+    offsets: tuple[Array, ...] = ()
+    suspects: tuple[bool, ...] = ()
+    weights: tuple[float, ...] = ()
+
+    def with_sample(self, row: Array, offset: Array, suspect: bool, weight: float) -> _Bin:
+        """The bin with one sample more."""
+        rows, offsets = (*self.rows, row), (*self.offsets, offset)
+        return _Bin(self.index, self.stray, rows, offsets, (*self.suspects, suspect), (*self.weights, weight))
+
     # of a bin that takes in no more samples they are asked for again and again
-    _kept: NDArray[np.bool_] | None = None
-    _mean: tuple[Array, float] | None = None
-    _scatter: tuple[float, int] | None = None
 
-    def add(self, row: Array, offset: Array, suspect: bool, weight: float) -> None:
-        self.rows.append(row)
-        self.offsets.append(offset)
-        self.suspects.append(suspect)
-        self.weights.append(weight)
-        self._kept = self._mean = self._scatter = None
-
-    def kept(self, stray: float) -> NDArray[np.bool_]:
+    @cached_property
+    def kept(self) -> NDArray[np.bool_]:
         """Which samples count: those near the median, or of few those that are not suspected by a majority."""
-        if self._kept is None:
-            if len(self.rows) >= ENOUGH:
-                offsets = np.array(self.offsets)
-                away = np.linalg.norm(offsets - np.median(offsets, axis=0), axis=1) * np.sqrt(self.weights)
-                # no bearing lies halfway between two halves that disagree
-                self._kept = away <= max(stray, float(np.median(away)))
-            else:
-                suspects = np.array(self.suspects)
-                self._kept = ~suspects if 2 * np.sum(suspects) <= len(suspects) else np.ones_like(suspects)
-            if not np.any(self._kept):
-                self._kept = np.ones(len(self.rows), dtype=bool)
-        return self._kept
+        if len(self.rows) >= ENOUGH:
+            offsets = np.array(self.offsets)
+            away = np.linalg.norm(offsets - np.median(offsets, axis=0), axis=1) * np.sqrt(self.weights)
+            # no bearing lies halfway between two halves that disagree
+            kept: NDArray[np.bool_] = away <= max(self.stray, float(np.median(away)))
+        else:
+            suspects = np.array(self.suspects)
+            kept = ~suspects if 2 * np.sum(suspects) <= len(suspects) else np.ones_like(suspects)
+        return kept if np.any(kept) else np.ones(len(self.rows), dtype=bool)
 
-    def mean(self, stray: float) -> tuple[Array, float]:
+    @cached_property
+    def mean(self) -> tuple[Array, float]:
         """Mean row and its count, each bearing by its weight."""
-        if self._mean is None:
-            kept = self.kept(stray)
-            weights = np.array(self.weights)[kept]
-            total = float(np.sum(weights))
-            self._mean = np.asarray((weights[:, None] * np.array(self.rows)[kept]).sum(axis=0) / total), total
-        return self._mean
+        weights = np.array(self.weights)[self.kept]
+        total = float(np.sum(weights))
+        return np.asarray((weights[:, None] * np.array(self.rows)[self.kept]).sum(axis=0) / total), total
 
-    def scatter(self, stray: float) -> tuple[float, int]:
+    @cached_property
+    def scatter(self) -> tuple[float, int]:
         """Squared residuals of the bearings about a straight line in time, and their degrees of freedom."""
-        if self._scatter is None:
-            self._scatter = self._scattered(self.kept(stray))
-        return self._scatter
-
-    def _scattered(self, kept: NDArray[np.bool_]) -> tuple[float, int]:
+        kept = self.kept
         if np.sum(kept) < 3:
             return 0.0, 0
         weights = np.array(self.weights)[kept]
@@ -166,7 +160,7 @@ class BearingBins:
     @property
     def strays(self) -> int:
         """Bearings that are left out."""
-        return sum(int(np.sum(~one.kept(self.stray))) for one in self._bins)
+        return sum(int(np.sum(~one.kept)) for one in self._bins)
 
     def checked(
         self, time: float, bearing: ArrayLike, own_position: ArrayLike, *, same_time: bool = False
@@ -210,11 +204,12 @@ class BearingBins:
         t = float(time)
         index = int(np.floor(t / self.width))
         if not self._bins or self._bins[-1].index != index:
-            self._bins.append(_Bin(index))
+            self._bins.append(_Bin(index, self.stray))
         one = self._bins[-1]
         if expected is None:
             expected = one.rows[0][1 : 1 + len(b)] if one.rows else b
-        one.add(np.concatenate([[t], b, own]), log_map(expected, b), suspect, weight)
+        sample = np.concatenate([[t], b, own])
+        self._bins[-1] = one.with_sample(sample, log_map(expected, b), suspect, weight)
         self._latest = t
         self.forget_before(t - self.window)
 
@@ -229,7 +224,7 @@ class BearingBins:
 
     def means(self) -> BinnedBearings:
         """The bins; not of none."""
-        rows, counts = zip(*(one.mean(self.stray) for one in self._bins), strict=True)
+        rows, counts = zip(*(one.mean for one in self._bins), strict=True)
         table = np.array(rows)
         d = (table.shape[1] - 1) // 2
         directions = table[:, 1 : 1 + d]
@@ -246,5 +241,5 @@ class BearingBins:
         Pooled over the bins from the residuals about a straight line in each, so that neither the motion nor a slowly
         varying error enters. The variance is NaN without degrees of freedom.
         """
-        squares, freedom = (sum(parts) for parts in zip(*(one.scatter(self.stray) for one in self._bins), strict=True))
+        squares, freedom = (sum(parts) for parts in zip(*(one.scatter for one in self._bins), strict=True))
         return (squares / freedom if freedom else float("nan")), int(freedom)

@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
 from gbt_ocp.tracking.shape.fit import Known
 from gbt_ocp.typing import Array
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """What is known, and the time in seconds of the estimate that it is of."""
+
+    now: float
+    known: Known
 
 
 class TrackMemory:
@@ -28,7 +37,7 @@ class TrackMemory:
     def __init__(self, factor: float, span: float) -> None:
         self._factor = factor
         self._span = span
-        self._kept: deque[tuple[float, Known]] = deque()
+        self._kept: deque[_Kept] = deque()
 
     def keep(self, now: float, times: Array, positions: Array, covariance: Array) -> None:
         """Keep a posterior.
@@ -42,7 +51,7 @@ class TrackMemory:
         covariance
             Their joint covariance ``(2d, 2d)`` in m².
         """
-        self._kept.append((now, Known(times, positions, precision_root(covariance) / self._factor)))
+        self._kept.append(_Kept(now, Known(times, positions, precision_root(covariance) / self._factor)))
 
     def clear(self) -> None:
         """Forget all of them."""
@@ -50,11 +59,11 @@ class TrackMemory:
 
     def recall(self, begins: float, now: float) -> Known | None:
         """The latest posterior from before the window begins (s), unless it is too old now (s)."""
-        while len(self._kept) > 1 and self._kept[1][0] <= begins + 1e-9:
+        while len(self._kept) > 1 and self._kept[1].now <= begins + 1e-9:
             self._kept.popleft()
-        if not self._kept or self._kept[0][0] > begins + 1e-9 or self._kept[0][1].times[-1] < now - self._span:
+        if not self._kept or self._kept[0].now > begins + 1e-9 or self._kept[0].known.times[-1] < now - self._span:
             return None
-        return self._kept[0][1]
+        return self._kept[0].known
 
 
 def precision_root(covariance: Array) -> Array:
