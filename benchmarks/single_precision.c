@@ -75,6 +75,8 @@ static void narrow_inputs(void)
     for (int a = 0; a < ROWS * D * D; a++) cut.covariance[a] = (float)in.covariance[a];
     for (int a = 0; a < P * D; a++) cut.desired[a] = (float)in.desired[a];
     narrow.warm = wide.warm;
+    for (int j = 0; j < D; j++) narrow.place[j] = wide.place[j];
+    for (int a = 0; a < STATE; a++) narrow.begin[a] = (float)wide.begin[a];
     for (int a = 0; a < P * FREE; a++) narrow.previous[a / FREE][a % FREE] = (float)wide.previous[a / FREE][a % FREE];
 }
 

@@ -11,7 +11,9 @@ import numpy as np
 from gbt_ocp.ocp.limit_classes import LimitClass, limit_class
 from gbt_ocp.ocp.plan_forms import plan_form
 from gbt_ocp.ocp.problem_data import PosedProblem
+from gbt_ocp.ocp.shot import ShotTrajectory
 from gbt_ocp.ocp.solvers.base import GIVEN_UP, OUT_OF_ITERATIONS, PlannerStep, Solution, Solver
+from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.typing import Array
 
 TIGHTENINGS = 4
@@ -73,12 +75,12 @@ class Ladder:
         start: Array,
         objectives: Sequence[Array],
         limits: Sequence[Array],
-        previous: Array | None,
+        previous: FlatTrajectory | ShotTrajectory | None,
         data: Mapping[str, Any],
     ) -> PlannerStep:
         """See :class:`gbt_ocp.ocp.solvers.base.PlansSteps`."""
         given = _Given(start, objectives, limits, self._check.at_start(start, limits))
-        rest = None if previous is None else self._form.rest(previous)
+        rest = None if previous is None else self._form.rest(previous, start)
         coasting = self._form.coasting(start)
         first = self._attempt(given, coasting if rest is None else rest / self._scale, cold=rest is None)
         fallback, trajectory = "", first.trajectory
@@ -87,7 +89,6 @@ class Ladder:
             # nearer to a solution than what it started from, and so is the next step that starts from it
             fallback, trajectory = "unfinished", unfinished
         if trajectory is None and rest is not None:
-            # From where the vehicle really is, which is where the previous plan led unless it was pushed.
             candidate = self._form.trajectory(start, rest)
             if self._keeps(given, candidate):
                 fallback, trajectory = "shifted", candidate

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -68,9 +69,26 @@ class FlatPlans:
         """Constant velocity and a little thrust to one side; :func:`cold_guess`."""
         return cold_guess(self._problem, start)
 
-    def rest(self, top: Array) -> Array:
-        """The rest of a plan; the last piece coasts."""
-        return np.vstack([top[1:], np.zeros_like(top[:1])])
+    def rest(self, previous: FlatTrajectory, start: Array) -> Array:
+        """The rest of a plan, the last piece coasting; where the start is off it, that comes to rest.
+
+        A trajectory is linear in its start and in what is free. Without that a small error of the heading turns all
+        thrust of the rest, and an error of the rates grows along it.
+        """
+        top, period = previous.shifted().top.copy(), self._problem.period
+        d, n = self._problem.vehicle.position_dimension, start.shape[1]
+        # relative to where both begin, as the kernel has it: the last bits of a guess decide between equal plans
+        begin, here = previous.start.copy(), start.copy()
+        begin[0, :d] = here[0, :d] = 0.0
+        off = here - FlatTrajectory(period, begin, previous.top[:1]).knots[1]
+        off[0, :d] += start[0, :d] - previous.start[0, :d]
+        off[0, d:] = np.vectorize(math.remainder, otypes=[float])(off[0, d:], 2.0 * math.pi)
+        for piece in top:
+            back = np.zeros_like(piece)
+            back[:n] = settling(off, 0, np.zeros(n), period)
+            piece += back
+            off = FlatTrajectory(period, off, back[None]).knots[1]
+        return top
 
     def braking(self, start: Array) -> Array:
         """What is free in a braking trajectory."""
@@ -122,9 +140,9 @@ class ShotPlans:
         aside = ASIDE / np.sqrt(np.arange(1, m + 1))
         return np.tile(form.idle / upper + aside, (self._problem.pieces, self._problem.freedoms // m))
 
-    def rest(self, top: Array) -> Array:
-        """The rest of a plan; in the last piece the inputs stay as they are at the end."""
-        m = self._shots.form.dynamics.inputs
+    def rest(self, previous: ShotTrajectory, start: Array) -> Array:
+        """The rest of a plan, wherever it starts; in the last piece the inputs stay as they are at the end."""
+        top, m = previous.top, self._shots.form.dynamics.inputs
         return np.vstack([top[1:], np.tile(top[-1, -m:], top.shape[1] // m)])
 
     def braking(self, start: Array) -> Array:

@@ -135,8 +135,7 @@ class AnyPlanner:
     def _steps_from_previous(
         self, start: Array, parameters: list[Array], limits: list[Array], given: Mapping[str, Any]
     ) -> PlannerStep:
-        previous = None if self._previous is None else self._previous.top
-        return self._steps.plan(start, parameters, limits, previous, given)
+        return self._steps.plan(start, parameters, limits, self._previous, given)
 
     def _planned(
         self,

@@ -126,11 +126,7 @@ class Skeleton:
         made: Any = one
         if kind is dict:
             made = {
-                name: item.copy()
-                if type(item) is np.ndarray
-                else item
-                if _keeps(item)
-                else self._copied(item, known)
+                name: item.copy() if type(item) is np.ndarray else item if _keeps(item) else self._copied(item, known)
                 for name, item in one.items()
             }
         elif kind in (list, deque, set, tuple):

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "board.h"
+#include "gbt_places.h"
 #include "gbt_plan.h"
 #include "vectors.h"
 
@@ -12,9 +13,11 @@ static gbt_plan_result plan;
 
 static gbt_status step(int k)
 {
+    static const double origin[GBT_DIMENSION];
     gbt_plan_init(&planner);
     planner.warm = vector_warm[k][0] > 0;
     memcpy(planner.previous, vector_previous[k], sizeof planner.previous);
+    gbt_begin(origin, vector_begin[k], planner.place, planner.begin);
 #if GBT_MOMENTS
     return gbt_plan(&planner, vector_state[k], vector_mean[k], vector_covariance[k], vector_desired[k], &plan);
 #else

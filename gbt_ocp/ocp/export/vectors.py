@@ -41,8 +41,8 @@ class Vectors:
     Attributes
     ----------
     arrays
-        One step a row: ``state``, ``warm`` and ``previous`` (what the planner remembers), ``mean``, ``covariance``
-        and ``desired`` or ``parameters``, and the ``endpoints`` of the plan.
+        One step a row: ``state``, ``warm``, ``previous`` and ``begin`` (what the planner remembers), ``mean``,
+        ``covariance`` and ``desired`` or ``parameters``, and the ``endpoints`` of the plan.
     statuses
         Exit codes of the kernel ``(K,)``.
     """
@@ -99,6 +99,7 @@ def record(planner: AnyPlanner, steps: Sequence[Mapping[str, Any]] | None = None
         row["endpoints"] = plan.endpoints
         row["warm"] = np.array([before is not None])
         row["previous"] = np.zeros((problem.pieces, problem.freedoms)) if before is None else before.top
+        row["begin"] = np.zeros_like(row["state"]) if before is None else before.start
         for name, values in row.items():
             rows.setdefault(name, []).append(np.asarray(values, dtype=float).ravel())
         statuses.append(STATUSES.index(plan.status))

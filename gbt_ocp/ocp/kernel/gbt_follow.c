@@ -4,7 +4,6 @@
 #include "gbt_pieces.h"
 #include "gbt_thrust.h"
 
-#define TURN ((gbt_real)6.283185307179586)
 #define SAME_TIME (8 * GBT_EPSILON * GBT_PIECES) /* rounding of a time, in pieces: a boundary belongs to the later one */
 
 void gbt_follow_init(gbt_follower *follower, gbt_real bandwidth)
@@ -53,7 +52,7 @@ gbt_follow_status gbt_follow_points(gbt_real bandwidth, const gbt_real *now, con
     const gbt_real w = bandwidth;
     for (int j = 0; j < GBT_FLAT; j++) {
         const gbt_real error = now[j] - own[j], rate_error = now[GBT_FLAT + j] - dz[j];
-        result->error[j] = j < GBT_DIMENSION ? error : gbt_remainder(error, TURN);
+        result->error[j] = j < GBT_DIMENSION ? error : gbt_remainder(error, GBT_TURN);
         if (j < GBT_DIMENSION) square += error * error;
         point[j] = z[j] + (middle[j] - now[j]);
         point[GBT_FLAT + j] = dz[j] + (middle[GBT_FLAT + j] - now[GBT_FLAT + j]);

@@ -97,6 +97,10 @@ void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top);
 /* What is free in a piece that is added to a plan, from what was in its last one, GBT_FREE each. */
 void gbt_lengthen(const gbt_real *last, gbt_real *added);
 
+/* Changes the rest of a plan, GBT_PIECES x GBT_FREE, so that it leads back to itself from a start that is off by so much,
+   GBT_STATE. */
+void gbt_lead_back(const gbt_real *off, gbt_real *top);
+
 /* The last resort: a plan from start that slows the vehicle down, or does what the vehicle has for that; GBT_PIECES x
    GBT_FREE. */
 void gbt_brake(const gbt_real *start, gbt_real *top);

@@ -19,6 +19,8 @@
 
 #define GBT_INFINITY ((gbt_real)HUGE_VAL)
 
+#define GBT_TURN ((gbt_real)6.283185307179586) /* a full one, in radians */
+
 #define gbt_acos GBT_IN_PRECISION(acos)
 #define gbt_acosh GBT_IN_PRECISION(acosh)
 #define gbt_asin GBT_IN_PRECISION(asin)

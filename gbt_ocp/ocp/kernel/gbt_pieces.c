@@ -86,6 +86,21 @@ void gbt_settle(gbt_piece piece, int first, const gbt_real *aim)
     }
 }
 
+/* What the vehicle is off comes to rest, of which a trajectory and where it begins are linear. */
+void gbt_lead_back(const gbt_real *off, gbt_real *top)
+{
+    static const gbt_real rest[GBT_FLAT];
+    gbt_piece piece;
+    for (int a = 0; a < GBT_STATE; a++) *gbt_inherited(piece, a) = off[a];
+    for (int j = GBT_DIMENSION; j < GBT_FLAT; j++) piece[0][j] = gbt_remainder(piece[0][j], GBT_TURN);
+    for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = 0;
+    for (int i = 0; i < GBT_PIECES; i++) {
+        gbt_settle(piece, 0, rest);
+        for (int j = 0; j < GBT_FLAT; j++) top[i * GBT_FREE + j] += piece[GBT_JOINED][j];
+        gbt_next_piece(piece, piece);
+    }
+}
+
 void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top)
 {
     gbt_piece piece;

@@ -53,6 +53,21 @@ static void shift(const gbt_planner *planner, gbt_real *top)
     gbt_lengthen(planner->previous[GBT_PIECES - 1], top + N - GBT_FREE);
 }
 
+/* The same from a start that is relative to an origin, which is where the previous plan led unless the vehicle was
+   pushed: what it is off is led back as the form knows how. */
+static void resume(const gbt_planner *planner, const double *origin, const gbt_real *start, gbt_real *top)
+{
+    gbt_piece first, second;
+    gbt_real off[GBT_STATE];
+    for (int a = 0; a < GBT_STATE; a++) *gbt_inherited(first, a) = planner->begin[a];
+    for (int a = 0; a < GBT_FREE; a++) *gbt_free(first, a) = planner->previous[0][a];
+    gbt_next_piece(first, second);
+    for (int a = 0; a < GBT_STATE; a++) off[a] = start[a] - *gbt_inherited(second, a);
+    for (int j = 0; j < GBT_DIMENSION; j++) off[j] += (gbt_real)(origin[j] - planner->place[j]);
+    shift(planner, top);
+    gbt_lead_back(off, top);
+}
+
 static int keep(const gbt_real *from, gbt_real *to)
 {
     for (int k = 0; k < N; k++) to[k] = from[k];
@@ -181,7 +196,7 @@ static void complete(const gbt_real *state, const gbt_real *parameters, gbt_plan
 }
 
 /* A step from a start that is relative to the origin of the numbers. */
-static void plan_from(gbt_planner *planner, const gbt_real *state, gbt_plan_result *plan)
+static void plan_from(gbt_planner *planner, const double *origin, const gbt_real *state, gbt_plan_result *plan)
 {
     const gbt_real *parameters = planner->numbers, *moving = parameters + GBT_LIMIT_NUMBERS;
     const int deadline = planner->settings.deadline;
@@ -192,7 +207,7 @@ static void plan_from(gbt_planner *planner, const gbt_real *state, gbt_plan_resu
     gbt_broken_at_start(state, moving, plan->broken_at_start);
 
     if (planner->warm)
-        shift(planner, &plan->top[0][0]);
+        resume(planner, origin, state, &plan->top[0][0]);
     else
         gbt_coast(state, GBT_ASIDE, &plan->top[0][0]);
     /* a warm attempt leaves a third of the iterations to a cold one */
@@ -208,8 +223,7 @@ static void plan_from(gbt_planner *planner, const gbt_real *state, gbt_plan_resu
         }
     }
     if (found != GBT_SOLVED && planner->warm) {
-        /* From where the vehicle really is, which is where the previous plan led unless it was pushed. */
-        shift(planner, &plan->top[0][0]);
+        resume(planner, origin, state, &plan->top[0][0]);
         if (keeps_limits(planner, state, moving, plan, 0)) {
             plan->origin = GBT_SHIFTED;
             found = GBT_SOLVED;
@@ -251,12 +265,10 @@ static gbt_status remember(gbt_planner *planner, const double *origin, const gbt
 {
     for (int k = 0; k < N; k++) planner->previous[k / GBT_FREE][k % GBT_FREE] = plan->top[k / GBT_FREE][k % GBT_FREE];
     planner->warm = 1;
-#if GBT_SHOOTING
-    planner->ready = 0;
     for (int j = 0; j < GBT_DIMENSION; j++) planner->place[j] = origin[j];
     for (int a = 0; a < GBT_STATE; a++) planner->begin[a] = start[a];
-#else
-    (void)start;
+#if GBT_SHOOTING
+    planner->ready = 0;
 #endif
     for (int i = 0; i < GBT_PIECES; i++)
         for (int j = 0; j < GBT_DIMENSION; j++)
@@ -269,7 +281,7 @@ static gbt_status plan_relative(gbt_planner *planner, const double *origin, cons
                                 gbt_plan_result *plan)
 {
     if (!gbt_all_finite(start, GBT_STATE) || !gbt_all_finite(planner->numbers, GBT_NUMBERS)) return refuse(plan);
-    plan_from(planner, start, plan);
+    plan_from(planner, origin, start, plan);
     if (!is_finite(plan)) return refuse(plan);
     return remember(planner, origin, start, plan);
 }

@@ -56,13 +56,13 @@ typedef struct {
     gbt_settings settings;
     int warm; /* whether there is a previous plan */
     gbt_real previous[GBT_PIECES][GBT_FREE];
+    gbt_real begin[GBT_STATE];   /* where the previous plan began, relative to: */
+    double place[GBT_DIMENSION]; /* also what the numbers are relative to */
 #if GBT_RELATIVE
     double origin[GBT_DIMENSION]; /* of the coordinates of state, means and endpoints; see gbt_plan_init */
 #endif
 #if GBT_SHOOTING
-    int ready;                      /* whether gbt_plan_prepare has done its part */
-    double place[GBT_DIMENSION];    /* what numbers and begin are relative to */
-    gbt_real begin[GBT_STATE];      /* where the previous plan began */
+    int ready; /* whether gbt_plan_prepare has done its part */
 #endif
     gbt_real numbers[GBT_NUMBERS + 1];
     gbt_workspace work;

@@ -65,6 +65,13 @@ void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top)
     }
 }
 
+/* The inputs are those of the rest: what they lead back differs from vehicle to vehicle. */
+void gbt_lead_back(const gbt_real *off, gbt_real *top)
+{
+    (void)off;
+    (void)top;
+}
+
 /* The inputs stay as they are at the end. */
 void gbt_lengthen(const gbt_real *last, gbt_real *added)
 {

@@ -8,6 +8,8 @@ from typing import Any, Protocol, runtime_checkable
 
 from numpy.typing import ArrayLike
 
+from gbt_ocp.ocp.shot import ShotTrajectory
+from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.typing import Array
 
 OUT_OF_ITERATIONS = ("iteration limit", "Maximum_Iterations_Exceeded")
@@ -85,7 +87,7 @@ class PlansSteps(Protocol):
         start: Array,
         objectives: Sequence[Array],
         limits: Sequence[Array],
-        previous: Array | None,
+        previous: FlatTrajectory | ShotTrajectory | None,
         data: Mapping[str, Any],
     ) -> PlannerStep:
         """Plan from a start.
@@ -95,7 +97,7 @@ class PlansSteps(Protocol):
         start, objectives, limits
             As of :meth:`Solver.solve`.
         previous
-            What was free in the pieces of the previous plan ``(p, freedoms)``, if there is one.
+            The trajectory of the previous plan, if there is one; it began a piece before the start.
         data
             What the parameters were made of.
         """

@@ -15,6 +15,7 @@ from gbt_ocp.ocp.codegen.library import kernel_files, load_library
 from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.problem_source import from_moments, generate_problem
 from gbt_ocp.ocp.problem_data import PosedProblem, ShootingData
+from gbt_ocp.ocp.shot import ShotTrajectory
 from gbt_ocp.ocp.solvers.base import GIVEN_UP, NO_PLAN, PlannerStep, Solution
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import limit_size
@@ -183,7 +184,10 @@ class CompiledSolver:
             ]
 
         class Memory(ctypes.Structure):
-            _fields_ = [("settings", _Settings), ("warm", whole), ("previous", number * (p * free))]
+            _fields_ = [
+                *(("settings", _Settings), ("warm", whole), ("previous", number * (p * free))),
+                *(("begin", number * kernel.gbt_start_size()), ("place", number * problem.vehicle.position_dimension)),
+            ]
 
         kernel.gbt_planner_bytes.restype = ctypes.c_size_t
         self._memory = np.zeros(kernel.gbt_planner_bytes() // 8 + 1)
@@ -205,14 +209,16 @@ class CompiledSolver:
         start: Array,
         objectives: Sequence[Array],
         limits: Sequence[Array],
-        previous: Array | None,
+        previous: FlatTrajectory | ShotTrajectory | None,
         data: Mapping[str, Any],
     ) -> PlannerStep:
         """The step that the generated C takes; see :class:`gbt_ocp.ocp.solvers.base.PlansSteps`."""
         memory = self._state_of_planner
         memory.warm = previous is not None
         if previous is not None:
-            memory.previous[:] = np.asarray(previous, dtype=float).ravel().tolist()
+            memory.previous[:] = previous.top.ravel().tolist()
+            place, begin = self._coordinates.begin(previous.start)
+            memory.place[:], memory.begin[:] = place.tolist(), begin.ravel().tolist()
         return self._step(self._plan, start, objectives, limits, data)
 
     def prepare(self) -> bool:

@@ -5,7 +5,6 @@
 #define D GBT_DIMENSION
 #define LATE (gbt_pilot_numbers.late)
 #define GAP (gbt_pilot_numbers.navigation_gap)
-#define TURN ((gbt_real)6.283185307179586)
 
 void gbt_earth_rates(gbt_real yaw, const gbt_real *velocity, gbt_real *rates)
 {
@@ -91,7 +90,7 @@ int gbt_own_at(const gbt_own_track *track, double time, int bridging, gbt_own_st
     if (after->time - before->time > GAP && !bridging) return 0;
     const gbt_real span = (gbt_real)(after->time - before->time), s = (gbt_real)(time - before->time) / span;
     for (int j = 0; j < GBT_POSE; j++) {
-        const gbt_real moved = after->pose[j] - before->pose[j], step = j == D ? gbt_remainder(moved, TURN) : moved;
+        const gbt_real moved = after->pose[j] - before->pose[j], step = j == D ? gbt_remainder(moved, GBT_TURN) : moved;
         const gbt_real first = before->rates[j], last = after->rates[j];
         /* the cubic of Hermite about the straight line between both */
         const gbt_real bent = (1 - s) * (span * first - step) - s * (span * last - step);

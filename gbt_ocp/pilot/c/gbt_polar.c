@@ -5,7 +5,6 @@
 #define D GBT_DIMENSION
 #define NEAREST ((gbt_real)1e-2)     /* range below which a predicted position counts as so far away, m */
 #define LEAST_LEVEL ((gbt_real)1e-3) /* share of the line of sight in the horizontal below which azimuths say nothing */
-#define TURN ((gbt_real)6.283185307179586)
 
 int gbt_can_take(const gbt_sighting *sighting, int begun, double latest)
 {
@@ -20,7 +19,7 @@ int gbt_can_take(const gbt_sighting *sighting, int begun, double latest)
         if (sighting->value[k] != sighting->position[k]) apart = 1;
     }
     if ((kind == GBT_RANGE || kind == GBT_SIZE) && !(sighting->value[0] > 0)) return 0;
-    if (kind == GBT_SIZE && !(sighting->value[0] < TURN / 2)) return 0;
+    if (kind == GBT_SIZE && !(sighting->value[0] < GBT_TURN / 2)) return 0;
     if (kind == GBT_POSITION && !apart) return 0;
     return sighting->stated || !(kind == GBT_RANGE || kind == GBT_SIZE || kind == GBT_POSITION);
 }
