@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, ProblemData
+from gbt_ocp.ocp.thrust_limits import ThrustChange
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import between_knots, constraint_function, first_free_node, limit_size
 from gbt_ocp.typing import Array
@@ -87,6 +88,8 @@ class LimitCheck:
     def _excess(self, number: int, trajectory: FlatTrajectory, limits: Sequence[Array], points: int) -> Array:
         """Violation of one constraint on an even grid of every piece ``(p, points)``."""
         constraint, pieces = self._constraints[number], trajectory.pieces
+        if isinstance(constraint, ThrustChange):  # weighed, not limited
+            return np.full((pieces, points), -np.inf)
         key = number, pieces * points
         if key not in self._mapped:
             self._mapped[key] = self._functions[number].map(pieces * points)

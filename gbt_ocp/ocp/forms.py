@@ -17,18 +17,12 @@ import casadi as ca
 import numpy as np
 
 from gbt_ocp.models.dynamics import Dynamics, integrated
+from gbt_ocp.ocp.objective_total import stacked_size, unstacked
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ProblemData, ShootingData
 from gbt_ocp.ocp.terms import AccumulatedObjective, Constraint, Objective, at_endpoint
-from gbt_ocp.ocp.thrust_limits import InputRateLimit, ThrustEffort, ThrustLimit
+from gbt_ocp.ocp.thrust_limits import InputRateLimit, OfChanges, OfInputs, ThrustChange, ThrustLimit
 from gbt_ocp.ocp.trajectory import FlatPoint
-from gbt_ocp.ocp.transcription import (
-    constraint_value,
-    first_free_node,
-    input_scale,
-    limit_size,
-    stacked_size,
-    unstacked,
-)
+from gbt_ocp.ocp.transcription import constraint_value, first_free_node, input_scale, limit_size
 from gbt_ocp.typing import Array
 
 
@@ -47,13 +41,14 @@ class LimitGrid(NamedTuple):
 
 
 class FlatForm:
-    """The form of flat trajectories: a point is z, ż, z̈ ``(3n,)``."""
+    """The form of flat trajectories: a point is z, ż, z̈ ``(3n,)``, and z⃛ where changes of the thrust count."""
 
     at_end = False
 
     def __init__(self, problem: ProblemData) -> None:
         self._problem = problem
-        self.width = 3 * problem.vehicle.flat_dimension
+        self.seen = 3 + any(isinstance(constraint, ThrustChange) for constraint in problem.constraints)
+        self.width = self.seen * problem.vehicle.flat_dimension
         self.point = ca.SX.sym("point", self.width)
         self.objective_point = self.point
         self.scale = input_scale(problem)
@@ -68,6 +63,8 @@ class FlatForm:
 
     def constraint(self, constraint: Constraint, stacked: Any) -> Any:
         """The bounded quantities at :attr:`point`."""
+        if isinstance(constraint, ThrustChange):
+            return constraint.of_motion(*ca.vertsplit(self.point, self._problem.vehicle.flat_dimension))
         return constraint_value(constraint, self._split(self.point), stacked)
 
     def at_node(self, constraint: Constraint, stacked: Any) -> Any:
@@ -118,13 +115,13 @@ class FlatForm:
         return bool(ca.depends_on(ca.vertcat(vehicle.inputs(z, dz, ddz)), z[: vehicle.position_dimension]))
 
     def _split(self, point: ca.SX) -> FlatPoint:
-        return FlatPoint(*ca.vertsplit(point, self._problem.vehicle.flat_dimension))
+        return FlatPoint(*ca.vertsplit(point, self._problem.vehicle.flat_dimension)[:3])
 
 
 class ShootingForm:
     """The form of trajectories by integration: a point is state, inputs of the piece and the share of it that is over.
 
-    Where the rates of inputs are limited, the inputs at the end of the piece before follow the state of the vehicle.
+    Where the rates of inputs count, the inputs at the end of the piece before follow the state of the vehicle.
 
     Attributes
     ----------
@@ -198,14 +195,14 @@ class ShootingForm:
         return self.steps > 1 and self._reads_state(constraint)
 
     def _reads_state(self, constraint: Constraint) -> bool:
-        return not isinstance(constraint, ThrustLimit | ThrustEffort | InputRateLimit)
+        return not isinstance(constraint, OfInputs | OfChanges)
 
     def _bounded(self, constraint: Constraint, stacked: Any, state: Any) -> Any:
         share = self.point[self.width]
         inputs = self.inputs_after(share)
-        if isinstance(constraint, ThrustLimit | ThrustEffort):
+        if isinstance(constraint, OfInputs):
             return constraint.of_inputs(inputs)
-        if isinstance(constraint, InputRateLimit):
+        if isinstance(constraint, OfChanges):
             before = self.point[self.dynamics.states : self.states]
             return constraint.of_change(self.inputs_after(1.0) - before, self._problem.period)
         return constraint_value(constraint, self.flat_point(state, inputs), stacked)
@@ -213,7 +210,7 @@ class ShootingForm:
     def grid(self, limit: HardLimit | PenaltyLimit) -> LimitGrid:
         """Where a limit is imposed: thrust that is held once a piece, thrust that is linear at both ends."""
         constraint = limit.constraint
-        if isinstance(constraint, InputRateLimit):
+        if isinstance(constraint, OfChanges):
             return LimitGrid(1, 1, False, True, 2.0)
         if isinstance(constraint, ThrustLimit):
             if self.held == self.dynamics.inputs:

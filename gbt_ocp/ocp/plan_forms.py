@@ -12,13 +12,14 @@ from numpy.typing import ArrayLike
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.ocp.braking import BrakingPlanner
 from gbt_ocp.ocp.check import LimitCheck
+from gbt_ocp.ocp.objective_total import objective_total
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.problem_data import PosedProblem, ProblemData, ShootingData
 from gbt_ocp.ocp.shot import Shots, ShotTrajectory
 from gbt_ocp.ocp.shot_check import ShotCheck
 from gbt_ocp.ocp.solvers.base import PlannerStep
 from gbt_ocp.ocp.trajectory import FlatTrajectory, settling
-from gbt_ocp.ocp.transcription import input_scale, objective_total
+from gbt_ocp.ocp.transcription import input_scale
 from gbt_ocp.typing import Array
 
 ASIDE = 1.0e-5

@@ -14,7 +14,7 @@ static const gbt_real at_end[GBT_ORDERS] = GBT_TAYLOR;
 
 static void point_at(gbt_piece piece, const gbt_real *power, gbt_real *point)
 {
-    for (int o = 0; o < 3; o++)
+    for (int o = 0; o < GBT_SEEN; o++)
         for (int j = 0; j < GBT_FLAT; j++) {
             gbt_real value = piece[o][j];
             for (int k = 1; o + k < GBT_ORDERS; k++) value += power[k] * piece[o + k][j];
@@ -27,7 +27,7 @@ static void add_transposed(const gbt_real *power, const gbt_real *point, gbt_pie
     for (int l = 0; l < GBT_ORDERS; l++)
         for (int j = 0; j < GBT_FLAT; j++) {
             gbt_real value = piece[l][j];
-            for (int o = 0; o < 3 && o <= l; o++) value += power[l - o] * point[o * GBT_FLAT + j];
+            for (int o = 0; o < GBT_SEEN && o <= l; o++) value += power[l - o] * point[o * GBT_FLAT + j];
             piece[l][j] = value;
         }
 }
