@@ -146,14 +146,21 @@ def test_a_flat_trajectory_pays_for_the_change_of_its_thrust(solver):
 
 
 @pytest.mark.parametrize("solver", ["ipopt", "compiled"])
-@pytest.mark.parametrize("form", ["held", "linear"])
-def test_a_trajectory_by_integration_pays_for_the_change_of_its_inputs(form, solver):
-    """A unit mass under forces in x, from the force that acts now: the minimum by brute force on the exact motion."""
+def test_a_flat_trajectory_pays_for_the_steps_of_its_thrust(solver):
+    """A unit mass under held accelerations, from the one that acts: the minimum by brute force."""
     vehicle, weight, goal, acting = PlanarPointMass(mass=1.0, thrust_max=(10.0, 10.0)), 2.0, 1.0, 4.0
-    problem = ShootingProblem(vehicle, 3, 0.5, form).maximize(Nearness())
+    problem = TrajectoryProblem(vehicle, pieces=3, period=0.5).maximize(Nearness())
     planner = with_change(problem, vehicle, weight).compile(solver, TIGHT[solver])
     planner.act((acting, 0.0))
-    plan = planner.solve(np.zeros((2, 2)), goal=(goal, 0.0))
+    found = planner.solve(np.zeros((2, 2)), goal=(goal, 0.0)).trajectory.top[:, 0]
+    np.testing.assert_allclose(found, cheapest(weight, goal, acting), atol=2e-5)
+    # the next plan goes on from the first piece of this one
+    again = planner.solve(np.zeros((2, 2)), goal=(goal, 0.0)).trajectory.top[:, 0]
+    np.testing.assert_allclose(again, cheapest(weight, goal, found[0]), atol=2e-5)
+
+
+def cheapest(weight, goal, acting, form="held"):
+    """Forces on a unit mass over three half seconds that cost least, from the exact motion."""
 
     def cost(forces):
         before, x, v, total = acting, 0.0, 0.0, 0.0
@@ -166,22 +173,35 @@ def test_a_trajectory_by_integration_pays_for_the_change_of_its_inputs(form, sol
             before = force
         return total
 
-    wanted = minimize(cost, np.zeros(3), method="BFGS", options={"gtol": 1e-10}).x
+    return minimize(cost, np.zeros(3), method="BFGS", options={"gtol": 1e-10}).x
+
+
+@pytest.mark.parametrize("solver", ["ipopt", "compiled"])
+@pytest.mark.parametrize("form", ["held", "linear"])
+def test_a_trajectory_by_integration_pays_for_the_change_of_its_inputs(form, solver):
+    """A unit mass under forces in x, from the force that acts now: the minimum by brute force on the exact motion."""
+    vehicle, weight, goal, acting = PlanarPointMass(mass=1.0, thrust_max=(10.0, 10.0)), 2.0, 1.0, 4.0
+    problem = ShootingProblem(vehicle, 3, 0.5, form).maximize(Nearness())
+    planner = with_change(problem, vehicle, weight).compile(solver, TIGHT[solver])
+    planner.act((acting, 0.0))
+    plan = planner.solve(np.zeros((2, 2)), goal=(goal, 0.0))
+
     found = plan.thrust[:, 0] if form == "held" else plan.thrust_end[:, 0]
-    np.testing.assert_allclose(found, wanted, atol=2e-5)
+    np.testing.assert_allclose(found, cheapest(weight, goal, acting, form), atol=2e-5)
 
 
-def test_both_solvers_find_the_same_plan_of_a_vehicle_whose_thrust_turns():
+@pytest.mark.parametrize("degree", [2, 3])
+def test_both_solvers_find_the_same_plan_of_a_vehicle_whose_thrust_turns(degree):
     vehicle = KNOWN_VEHICLES["falcon"].make(2)
-    problem = TrajectoryProblem(vehicle, pieces=6, period=0.5, degree=3).maximize(Nearness())
-    problem = with_change(problem.subject_to(ThrustLimit(vehicle)), vehicle, 0.5)
-    start = np.array([[0.0, 0.0, 0.3], [1.0, 0.2, 0.1], [0.0, 0.5, 0.0]])
+    problem = TrajectoryProblem(vehicle, pieces=6, period=0.5, degree=degree).maximize(Nearness())
+    problem = with_change(problem.subject_to(ThrustLimit(vehicle)), vehicle, 5.0)
+    start = np.array([[0.0, 0.0, 0.3], [1.0, 0.2, 0.1], [0.0, 0.5, 0.0]])[:degree]
     ends = [
         problem.compile(solver, TIGHT[solver]).solve(start, goal=(4.0, 3.0)).trajectory.knots[:, 0]
         for solver in ("ipopt", "compiled")
     ]
     np.testing.assert_allclose(ends[1], ends[0], atol=1e-4)
-    still = TrajectoryProblem(vehicle, pieces=6, period=0.5, degree=3).maximize(Nearness())
+    still = TrajectoryProblem(vehicle, pieces=6, period=0.5, degree=degree).maximize(Nearness())
     free = still.subject_to(ThrustLimit(vehicle)).compile("ipopt").solve(start, goal=(4.0, 3.0)).trajectory
     assert np.abs(free.knots[:, 0] - ends[0]).max() > 0.05  # it makes a difference
 
@@ -197,14 +217,15 @@ def test_a_penalty_on_held_thrust_weighs_the_same_in_both_solvers():
     np.testing.assert_allclose(found[1], found[0], atol=1e-5)
 
 
-def test_a_change_of_thrust_that_jumps_is_refused_in_one_line():
+def test_a_change_of_thrust_that_jumps_and_changes_within_pieces_is_refused_in_one_line():
     vehicle = KNOWN_VEHICLES["falcon"].make(2)
-    for options in ({}, {"degree": 3, "continuity": 1}):
-        with pytest.raises(ValueError, match=r"planner.effort_rate: found .*; allowed: planner.degree 3"):
-            with_change(TrajectoryProblem(vehicle, 3, 0.5, **options), vehicle, 1.0)
-    with pytest.raises(ConfigurationError, match=r"planner.effort_rate: found 1; allowed: 0 with planner.degree: 2"):
-        load_config("case2", ["planner.effort_rate=1"])
-    assert load_config("case2", ["planner.effort_rate=1", "planner.degree=3"]).planner.effort_rate == 1.0
+    with pytest.raises(ValueError, match=r"planner.effort_rate: found degree 3 .*; allowed: planner.degree 2"):
+        with_change(TrajectoryProblem(vehicle, 3, 0.5, degree=3, continuity=1), vehicle, 1.0)
+    with pytest.raises(
+        ConfigurationError, match=r"planner.effort_rate: found 1; allowed: 0 with planner.continuity: 1"
+    ):
+        load_config("case2", ["planner.effort_rate=1", "planner.degree=3", "planner.continuity=1"])
+    assert load_config("case2", ["planner.effort_rate=1"]).planner.effort_rate == 1.0
     assert load_config("case2", ["planner.effort_rate=1", "planner.form=shooting"]).planner.effort_rate == 1.0
     with pytest.raises(ValueError, match="reach"):
         ThrustChange(vehicle, 0.0)

@@ -31,7 +31,7 @@ class LimitCheck:
 
     def __init__(self, problem: ProblemData, points: int = FINE_POINTS) -> None:
         self.points = points
-        self._constraints = problem.constraints
+        self._constraints, self._joined = problem.constraints, problem.joined
         self._judged = [number for number, counts in enumerate(problem.judged) if counts]
         imposed: list[HardLimit | PenaltyLimit] = [*problem.hard, *problem.penalties]
         self._nodes = [limit.nodes for limit in imposed]
@@ -76,6 +76,7 @@ class LimitCheck:
     def at_start(self, start: Array, limits: Sequence[Array] = ()) -> Array:
         """How far each constraint is broken at the start, where no plan can change it, at least 0 ``(count,)``."""
         found = np.zeros(len(self._constraints))
+        start = start[: self._joined]
         point = [start[order] if order < len(start) else np.zeros(start.shape[1]) for order in range(3)]
         for number, (constraint, function) in enumerate(zip(self._constraints, self._functions, strict=True)):
             if self._given[number]:

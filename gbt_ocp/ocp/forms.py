@@ -22,7 +22,7 @@ from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, Prob
 from gbt_ocp.ocp.terms import AccumulatedObjective, Constraint, Objective, at_endpoint
 from gbt_ocp.ocp.thrust_limits import InputRateLimit, OfChanges, OfInputs, ThrustChange, ThrustLimit
 from gbt_ocp.ocp.trajectory import FlatPoint
-from gbt_ocp.ocp.transcription import constraint_value, first_free_node, input_scale, limit_size
+from gbt_ocp.ocp.transcription import change_of_thrust, constraint_value, first_free_node, input_scale, limit_size
 from gbt_ocp.typing import Array
 
 
@@ -41,7 +41,10 @@ class LimitGrid(NamedTuple):
 
 
 class FlatForm:
-    """The form of flat trajectories: a point is z, ż, z̈ ``(3n,)``, and z⃛ where changes of the thrust count."""
+    """The form of flat trajectories: a point is z, ż, z̈ ``(3n,)``.
+
+    Where changes of the thrust count, z⃛ follows, or where thrust jumps the acceleration of the piece before.
+    """
 
     at_end = False
 
@@ -64,7 +67,8 @@ class FlatForm:
     def constraint(self, constraint: Constraint, stacked: Any) -> Any:
         """The bounded quantities at :attr:`point`."""
         if isinstance(constraint, ThrustChange):
-            return constraint.of_motion(*ca.vertsplit(self.point, self._problem.vehicle.flat_dimension))
+            motion = ca.vertsplit(self.point, self._problem.vehicle.flat_dimension)
+            return change_of_thrust(self._problem, constraint, motion)
         return constraint_value(constraint, self._split(self.point), stacked)
 
     def at_node(self, constraint: Constraint, stacked: Any) -> Any:
@@ -77,6 +81,9 @@ class FlatForm:
 
     def grid(self, limit: HardLimit | PenaltyLimit) -> LimitGrid:
         """Where a limit is imposed; a penalty also at the node where nothing can change it."""
+        if isinstance(limit.constraint, ThrustChange):
+            # a step between two pieces, seen in the body frames at both ends of the later one
+            return LimitGrid(1 if self._problem.remembers else limit.nodes, 0, False, False, 1.0)
         given = first_free_node(self._problem, limit.constraint)
         return LimitGrid(limit.nodes, given if isinstance(limit, HardLimit) else 0, bool(given), False, 1.0)
 
@@ -92,16 +99,34 @@ class FlatForm:
         Each entry of the lower triangles is given as its sums over the points of the piece times s^0, s^1, …, or as it
         is, of one at the end of the piece. The matrix is given by its lower triangle, row by row.
         """
-        n, orders = self._problem.vehicle.flat_dimension, self._problem.degree + 1
+        n, size = self._problem.vehicle.flat_dimension, self._numbers
         entries = ca.SX.sym("entries", len(rows) * (1 if at_end else self._powers))
-        half: Any = ca.SX.zeros(n * orders, n * orders)
+        half: Any = ca.SX.zeros(size, size)
         for a, (row, column) in enumerate(zip(rows, columns, strict=True)):
-            for i, k in product(range(orders - row // n), range(orders - column // n)):
+            for i, k in product(self._later(row // n), self._later(column // n)):
                 power = self._problem.period ** (i + k) if at_end else 1.0
                 factor = power / (factorial(i) * factorial(k)) * (0.5 if row == column else 1.0)
-                half[row + i * n, column + k * n] += factor * entries[a if at_end else a * self._powers + i + k]
+                to, across = self._place(row // n, i) * n + row % n, self._place(column // n, k) * n + column % n
+                half[to, across] += factor * entries[a if at_end else a * self._powers + i + k]
         matrix = half + half.T
-        return entries, ca.vertcat(*(matrix[row, : row + 1].T for row in range(n * orders)))
+        return entries, ca.vertcat(*(matrix[row, : row + 1].T for row in range(size)))
+
+    @property
+    def _numbers(self) -> int:
+        """Numbers of a piece."""
+        return (self._problem.degree + 1 + self._problem.remembers) * self._problem.vehicle.flat_dimension
+
+    def _later(self, order: int) -> range:
+        """How many orders above one at a point those are at the beginning of the piece that lead to it."""
+        remembered = self._problem.remembers and order == 3
+        return range(1 if remembered else self._problem.degree + 1 - order)
+
+    def _place(self, order: int, above: int) -> int:
+        """Where the derivative so many orders above one at a point stands in a piece."""
+        joined, remembers = self._problem.joined, self._problem.remembers
+        if remembers and order == 3:
+            return joined
+        return order + above + (remembers and order + above >= joined)
 
     @property
     def _powers(self) -> int:

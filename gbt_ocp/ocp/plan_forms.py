@@ -54,12 +54,23 @@ class FlatPlans:
         self._objectives = [objective_total(problem, term) for term in problem.objectives]
 
     def start(self, state: ArrayLike, acting: Array | None = None) -> Array:
-        """Derivatives of the flat output now, as many as are continuous ``(k+1, n)``."""
-        return _checked(state, [(self._problem.joined, self._problem.vehicle.flat_dimension)])
+        """Derivatives of the flat output now, as many as are continuous ``(k+1, n)``.
+
+        Where changes of the thrust count and it jumps, the acceleration that acts now follows them, by default none.
+        """
+        n, joined = self._problem.vehicle.flat_dimension, self._problem.joined
+        found = _checked(state, list(dict.fromkeys([(joined, n), (joined + self._problem.remembers, n)])))
+        if len(found) < joined + self._problem.remembers:
+            found = np.vstack([found, np.zeros((1, n)) if acting is None else acting[None]])
+        return found
+
+    def acting(self, piece: Array) -> Array:
+        """What the numbers of the first piece of the last plan say of what acts now ``(n,)``: its acceleration."""
+        return np.asarray(piece[: self._problem.vehicle.flat_dimension])
 
     def trajectory(self, start: Array, top: Array) -> FlatTrajectory:
         """The piecewise polynomial."""
-        return FlatTrajectory(self._problem.period, start, top)
+        return FlatTrajectory(self._problem.period, start[: self._problem.joined], top)
 
     def objective(self, trajectory: FlatTrajectory, parameters: Sequence[Array]) -> float:
         """The sum over the endpoints."""
@@ -67,7 +78,7 @@ class FlatPlans:
 
     def coasting(self, start: Array) -> Array:
         """Constant velocity and a little thrust to one side; :func:`cold_guess`."""
-        return cold_guess(self._problem, start)
+        return cold_guess(self._problem, start[: self._problem.joined])
 
     def rest(self, top: Array) -> Array:
         """The rest of a plan; the last piece coasts."""
@@ -75,7 +86,7 @@ class FlatPlans:
 
     def braking(self, start: Array) -> Array:
         """What is free in a braking trajectory."""
-        return self._brake(start).top
+        return self._brake(start[: self._problem.joined]).top
 
     def plan(self, trajectory: FlatTrajectory, step: PlannerStep, named: Named, **rest: Any) -> Plan:
         """A plan with the trajectory."""
@@ -111,6 +122,10 @@ class ShotPlans:
     def trajectory(self, start: Array, top: Array) -> ShotTrajectory:
         """Integrated from the start."""
         return self._shots.trajectory(start, top)
+
+    def acting(self, piece: Array) -> Array:
+        """The inputs at the end of the first piece of the last plan ``(m,)``."""
+        return np.asarray(piece[-len(self._problem.vehicle.thrust_max) :])
 
     def objective(self, trajectory: ShotTrajectory, parameters: Sequence[Array]) -> float:
         """The sum over the ends of the periods."""

@@ -72,11 +72,6 @@ class PosedProblem:
         """
         if isinstance(constraint, InputRateLimit):
             raise ValueError("limits.input_rate: found planner.form: flat; allowed: shooting")
-        if self.joined < 3:
-            raise ValueError(
-                "planner.effort_rate: found pieces of which two derivatives are continuous, so that thrust jumps; "
-                "allowed: planner.degree 3 and more with planner.continuity 2 and more, or planner.form: shooting"
-            )
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
@@ -117,6 +112,20 @@ class ProblemData(PosedProblem):
     def joined(self) -> int:
         """How many derivatives of the flat output, itself included, a piece takes over from the one before it."""
         return joined_derivatives(self.degree, self.continuity)
+
+    def check_changes(self, constraint: OfChanges) -> None:
+        """Those of the thrust can be weighed where it jumps between pieces and nowhere else, or not at all."""
+        super().check_changes(constraint)
+        if self.joined < min(3, self.degree):
+            raise ValueError(
+                f"planner.effort_rate: found degree {self.degree} of which one derivative is continuous; allowed: "
+                "planner.degree 2, planner.continuity 2 and more, or planner.form: shooting"
+            )
+
+    @property
+    def remembers(self) -> bool:
+        """Whether a piece knows the acceleration of the one before: where changes of the thrust count, which jumps."""
+        return self.joined == 2 and any(isinstance(constraint, ThrustChange) for constraint in self.constraints)
 
     @property
     def freedoms(self) -> int:

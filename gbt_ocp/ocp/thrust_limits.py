@@ -141,8 +141,9 @@ class ThrustChange(_BothSenses):
     ``w ∫ Σ(τ̇_i/τ_max,i)² dt`` and a constant off the objective, as :class:`ThrustEffort` does of τ, with bounds that
     are so far apart that the parabola holds wherever thrust changes by at most ``reach`` of its limit a second.
 
-    The thrust of a flat trajectory must be continuous: its rate follows from z, ż, z̈ and z⃛, which is held over a
-    piece of degree 3. Inputs of a trajectory by integration change from piece to piece where they are held, and
+    The thrust of a flat trajectory of degree 2 jumps from piece to piece, and τ̇ is that step over the length of a
+    piece; what thrust changes within pieces does not count. Where thrust is continuous τ̇ follows from z, ż, z̈ and z⃛.
+    Inputs of a trajectory by integration change from piece to piece where they are held, and
     within them where they are linear; the first change is that from the inputs that act when the plan begins.
 
     Parameters
@@ -184,9 +185,15 @@ class ThrustChange(_BothSenses):
         Raises
         ------
         ValueError
-            Always; see :meth:`of_motion` and :meth:`of_change`.
+            Always; see :meth:`of_motion`, :meth:`of_jump` and :meth:`of_change`.
         """
-        raise ValueError("planner.effort_rate: found a point of z, ż, z̈; allowed: one with z⃛ too")
+        raise ValueError("planner.effort_rate: found a point of z, ż, z̈; allowed: one with z⃛ or what was before too")
+
+    def of_jump(self, z: Any, dz: Any, ddz: Any, before: Any, period: float) -> Any:
+        """The same of the acceleration z̈ after another one ``(n,)``, over a piece."""
+        vehicle: Any = self.vehicle
+        step = ca.vertcat(vehicle.inputs(z, dz, ddz)) - ca.vertcat(vehicle.inputs(z, dz, before))
+        return self.of_change(step, period)
 
     def of_change(self, change: Any, period: float) -> Any:
         """The same of a change of the inputs over a piece ``(m,)``."""

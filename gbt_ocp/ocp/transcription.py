@@ -43,15 +43,23 @@ def constraint_value(constraint: Constraint, point: FlatPoint, stacked: Any) -> 
     return constraint.value(point, unstacked(constraint.shapes, stacked))
 
 
+def change_of_thrust(problem: ProblemData, constraint: ThrustChange, motion: Sequence[Any]) -> Any:
+    """τ̇ over the limits ``(m,)`` of z, ż, z̈ and z⃛, or where thrust jumps the acceleration of the piece before."""
+    z, dz, ddz, more = motion
+    if problem.remembers:
+        return constraint.of_jump(z, dz, ddz, more, problem.period)
+    return constraint.of_motion(z, dz, ddz, more)
+
+
 def constraint_function(problem: ProblemData, constraint: Constraint) -> ca.Function:
     """(z, ż, z̈) -> the bounded quantities ``(m,)``; with the parameters as a fourth input where there are any.
 
-    Of changes of the thrust the fourth input is z⃛.
+    Of changes of the thrust the fourth input is z⃛, or where thrust jumps the acceleration of the piece before.
     """
     point, stacked = point_symbols(problem.vehicle.flat_dimension), ca.SX.sym("p", limit_size(constraint))
     if isinstance(constraint, ThrustChange):
         motion = [*point, ca.SX.sym("dddz", problem.vehicle.flat_dimension)]
-        return ca.Function("constraint", motion, [constraint.of_motion(*motion)])
+        return ca.Function("constraint", motion, [change_of_thrust(problem, constraint, motion)])
     inputs = [*point, stacked] if stacked.numel() else [*point]
     return ca.Function("constraint", inputs, [constraint_value(constraint, point, stacked)])
 
@@ -192,16 +200,17 @@ def transcribe(problem: ProblemData) -> Transcription:
     """Build the nonlinear program symbolically (MX, with map over the nodes)."""
     n, p, joined = problem.vehicle.flat_dimension, problem.pieces, problem.joined
     variables = ca.MX.sym("u", problem.freedoms * p)
-    start = ca.MX.sym("start", n, joined)
+    start = ca.MX.sym("start", n, joined + problem.remembers)
     scaled = variables * ca.repmat(ca.DM(input_scale(problem)), p, 1)
     free = [ca.horzsplit(ca.reshape(own, n, -1)) for own in ca.vertsplit(scaled, problem.freedoms)]
-    knots = [ca.horzsplit(start)]
+    knots = [ca.horzsplit(start)[:joined]]
     for i in range(p):
         knots.append(propagate(knots[-1], free[i], problem.period)[:joined])
 
     def at(times: Array, orders: int = 3) -> list[ca.MX]:
         """z, ż, z̈ and so on at these times of every piece, one a column."""
-        points = [propagate(knots[i], free[i], float(s)) for i in range(p) for s in times]
+        before = [[start[:, joined]], *free[:-1]] if problem.remembers else [[]] * p
+        points = [[*propagate(knots[i], free[i], float(s)), *before[i][:1]] for i in range(p) for s in times]
         return [ca.horzcat(*(point[order] for point in points)) for order in range(orders)]
 
     def values(number: int, shares: Array, moving: ca.MX) -> ca.MX:
@@ -211,7 +220,9 @@ def transcribe(problem: ProblemData) -> Transcription:
 
     def grid(limit: HardLimit | PenaltyLimit) -> tuple[int, int, float]:
         hard = isinstance(limit, HardLimit)
-        return limit.nodes, first_free_node(problem, limit.constraint) if hard else 0, 1.0
+        # a step of the thrust is one between two pieces
+        steps = problem.remembers and isinstance(limit.constraint, ThrustChange)
+        return 1 if steps else limit.nodes, first_free_node(problem, limit.constraint) if hard else 0, 1.0
 
     none, ends = ca.MX(0, 1), at(np.array([problem.period]))
     return assembled(problem, Layout(variables, none, none, start, ends, values, grid), None)

@@ -106,14 +106,12 @@ def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
 
 
 def _changes(merged: Mapping[str, Any], degree: float | None, continuity: float | None) -> Iterator[Fault]:
-    """A weight of changes of the thrust where it jumps from piece to piece."""
+    """A weight of changes of the thrust where it both jumps and changes within a piece."""
     rate = _number(merged, ("planner", "effort_rate"), 0.0)
     if value_at(merged, ("planner", "form")) == "shooting" or degree is None or not rate:
         return
-    joined = degree - 1 if continuity is None else continuity
-    if joined < 2:
-        where = f"planner.degree: {shown(degree)}" if continuity is None else f"planner.continuity: {shown(continuity)}"
-        allowed = f"0 with {where}, whose thrust jumps; planner.degree from 3 and continuity from 2, or form: shooting"
+    if continuity == 1 and degree > 2:
+        allowed = "0 with planner.continuity: 1 and a degree above 2; a number >= 0 with others, or form: shooting"
         yield Fault(("planner", "effort_rate"), shown(rate), allowed)
 
 

@@ -99,7 +99,7 @@ class PlannerSection(Section):
     effort_rate: float = key(
         0.0,
         "Weight in s² of changes of the thrust, taken off the objective: 1/s of the integral of Σ(dτ/dt/τ_max)² over "
-        "the plan; with form: shooting, or pieces whose thrust is continuous (degree >= 3, continuity >= 2).",
+        "the plan; of pieces of degree 2 the steps between them count. Not with continuity: 1 and a degree above 2.",
         ge=0.0,
     )
     range_pull: float = key(0.2, "Weight of the pull towards the target; 0.02 in preset paper.", ge=0.0)

@@ -46,6 +46,7 @@ def _flat(problem: PosedProblem, form: FlatForm) -> MotionInC:
         degree=problem.degree,
         joined=problem.joined,
         seen=form.seen,
+        remembered=int(problem.remembers),
         taylor=c_numbers([float(problem.period) ** k / factorial(k) for k in orders]),
     )
     return MotionInC(sizes, functions, tables, 0)

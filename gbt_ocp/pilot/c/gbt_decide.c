@@ -75,7 +75,7 @@ static void flat_of(const gbt_pilot *pilot, double time, const gbt_real *z, cons
             planned[1][j] += gbt_flow(pilot, j);
             off = gbt_fmax(off, gbt_fmax(gbt_fabs(planned[0][j] - z[j]), gbt_fabs(planned[1][j] - dz[j])));
         }
-        for (int a = 0; off <= ON_PLAN && a < GBT_STATE; a++)
+        for (int a = 0; off <= ON_PLAN && a < GBT_MOTION; a++)
             flat[a / GBT_FLAT][a % GBT_FLAT] = planned[a / GBT_FLAT][a % GBT_FLAT];
         if (off <= ON_PLAN) return;
     }
