@@ -69,7 +69,12 @@ def test_the_current_is_estimated_as_in_python(name, water):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "changes", [("vehicle.current=[0.4,-0.3]",), ("vehicle.current=[0.1,0.1]", "planner.degree=3")]
+    "changes",
+    [
+        ("vehicle.current=[0.4,-0.3]",),
+        ("vehicle.current=[0.1,0.1]", "planner.degree=3", "planner.effort_rate=0.1"),
+        ("vehicle.current=[0.1,0.1]", "planner.effort_rate=0.1"),
+    ],
 )
 def test_plans_and_setpoints_in_a_given_current_are_those_of_python(changes):
     pilot = drifting("case2", (0.4, -0.3), 4.0, "sensor.noise_deg=0.5", *changes)

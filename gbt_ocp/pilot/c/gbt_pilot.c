@@ -36,6 +36,22 @@ static gbt_received answered(gbt_pilot *pilot, gbt_received word)
     return word;
 }
 
+double gbt_pilot_waypoint(const gbt_pilot *pilot, int after, gbt_setpoint *waypoint)
+{
+    static const gbt_setpoint nothing;
+    const gbt_guidance *guidance = &pilot->guidance;
+    const double period = (double)GBT_PERIOD, began = pilot->decided_at - guidance->elapsed;
+    gbt_real water[D];
+    *waypoint = nothing;
+    waypoint->status = GBT_FOLLOW_NO_PLAN;
+    if (!pilot->commanded || !pilot->following || after < 0) return NAN;
+    const double end = floor((pilot->last.time - began) / period + 1e-9) + 1 + after;
+    if (!(end <= GBT_PIECES)) return NAN;
+    for (int j = 0; j < D; j++) water[j] = gbt_flow(pilot, j);
+    gbt_follow_setpoint(&guidance->follower, (gbt_real)(end * period), water, waypoint);
+    return began + end * period;
+}
+
 /* ---- inputs ---- */
 
 gbt_received gbt_pilot_navigate(gbt_pilot *pilot, double time, const gbt_real *pose, const gbt_real *velocity,

@@ -122,6 +122,11 @@ gbt_received gbt_pilot_measure(gbt_pilot *pilot, gbt_kind kind, const gbt_real *
    is due; in between the thrust leads back to the plan from where the vehicle is. */
 gbt_command_status gbt_pilot_command(gbt_pilot *pilot, double time, gbt_command *command);
 
+/* Where the vehicle should be at the end of a piece of the plan that is followed, and how it should move there: that of
+   the piece in which the last command was given, and so many after it. Returns the time of that, which is not a number
+   where there is none; waypoint->status says so too. */
+double gbt_pilot_waypoint(const gbt_pilot *pilot, int after, gbt_setpoint *waypoint);
+
 #if GBT_CURRENT
 /* The velocity of the water over ground as the pilot knows it, GBT_DIMENSION, earth frame, m/s, and its covariance,
    GBT_DIMENSION x GBT_DIMENSION, m^2/s^2; 0 where the velocity is given. */
