@@ -14,8 +14,9 @@ from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp import FlatPoint, FlatTrajectory, Objective, Planner, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.check import FINE_POINTS, LimitCheck
+from gbt_ocp.ocp.objective_total import point_symbols
 from gbt_ocp.ocp.shooting import ShootingPlanner
-from gbt_ocp.ocp.transcription import input_scale, point_symbols
+from gbt_ocp.ocp.transcription import input_scale
 
 
 class HeldEarthAcceleration(ShootingPlanner):

@@ -70,7 +70,8 @@ class PilotInC:
             _fields_ = [(name, whole) for name in ("sensor", "frame", "mounted")]
             _fields_ += [("position", number * d), ("yaw", number)]
 
-        self.Command, self.SensorPose = Command, SensorPose
+        self.Command, self.SensorPose, self.Setpoint = Command, SensorPose, Setpoint
+        self.library.gbt_pilot_waypoint.restype = number
         self.library.gbt_pilot_bytes.restype = ctypes.c_size_t
         self.memory = np.zeros(self.library.gbt_pilot_bytes() // 8 + 1)
         self.pilot = ctypes.c_void_p(self.memory.ctypes.data)
@@ -100,6 +101,17 @@ class PilotInC:
             ctypes.c_double(measurement.time),
         )
         return ANSWERS[answer]
+
+    def waypoints(self):
+        """Those of the last command, each with its time."""
+        found = []
+        while True:
+            setpoint = self.Setpoint()
+            time = self.library.gbt_pilot_waypoint(self.pilot, len(found), ctypes.byref(setpoint))
+            assert math.isnan(time) == (setpoint.status != 0)
+            if math.isnan(time):
+                return found
+            found.append((setpoint, time))
 
     def command(self, time):
         command = self.Command()
@@ -158,6 +170,13 @@ class Compared:
             self.followed += 1
             off = np.abs(np.append(setpoint.pose - np.array(c.setpoint.z), setpoint.speed - c.setpoint.speed))
             self.worst_setpoint = max(self.worst_setpoint, float(off.max()))
+        if self.commands % 10 == 1:
+            ahead = self.c.waypoints()
+            assert len(ahead) == len(python.waypoints)
+            for mine, (its, time_of) in zip(python.waypoints, ahead, strict=True):
+                assert abs(mine.time - time_of) < 1e-9
+                off = np.abs(np.append(mine.pose - np.array(its.z), mine.speed - its.speed))
+                self.worst_setpoint = max(self.worst_setpoint, float(off.max()))
         return python
 
 

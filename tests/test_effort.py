@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import minimize
 
 import gbt_ocp as gbt
 from gbt_ocp.experiments.build.loop import build_vehicle
@@ -15,7 +16,7 @@ from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.config.vehicle import KNOWN_BY_NAME
 from gbt_ocp.models import KNOWN_VEHICLES, FossenVehicle, PlanarPointMass
 from gbt_ocp.models.thrust import ThrustRange
-from gbt_ocp.ocp import ThrustEffort, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp import ShootingProblem, ThrustChange, ThrustEffort, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.braking import BrakingPlanner
 from gbt_ocp.ocp.transcription import smoothed_hinge
 from gbt_ocp.simulation.effort import effort_numbers
@@ -103,6 +104,131 @@ def test_effort_is_weighed_against_the_objective(solver):
     # d/da of (a/2 - g)² + w (a/10)²
     wanted = (goal / 1.0) / (0.5 + 2.0 * weight / 100.0)
     assert plan.trajectory.sample(2)[2][0, 0, 0] == pytest.approx(wanted, rel=1e-5)
+
+
+# ---- changes of the thrust -------------------------------------------------------------------------------------------
+
+TIGHT = {"compiled": {"tolerance": 1e-9, "gap": 1e-9}, "ipopt": {}}
+
+
+def with_change(problem, vehicle, weight, nodes=2):
+    change = ThrustChange(vehicle, reach=2.0 / problem.period)
+    return problem.subject_to_penalty(change, weight=change.weight(weight), width=change.width, nodes=nodes)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_rate_of_the_thrust_is_that_of_the_thrust_along_the_trajectory(dimension):
+    vehicle, rng = KNOWN_VEHICLES["falcon"].make(dimension), np.random.default_rng(dimension)
+    z, dz, ddz, dddz = rng.normal(size=(4, dimension + 1))
+
+    def thrust(s):
+        at = (z + s * dz + s**2 / 2 * ddz + s**3 / 6 * dddz, dz + s * ddz + s**2 / 2 * dddz, ddz + s * dddz)
+        return np.asarray(vehicle.inputs(*map(ca.DM, at))).ravel() / vehicle.thrust_max
+
+    step = 1e-4
+    wanted = (8.0 * (thrust(step) - thrust(-step)) - (thrust(2.0 * step) - thrust(-2.0 * step))) / (12.0 * step)
+    point = [ca.SX.sym(name, dimension + 1) for name in "abcd"]
+    rate = ca.Function("rate", point, [ThrustChange(vehicle).of_motion(*point)])
+    np.testing.assert_allclose(np.asarray(rate(z, dz, ddz, dddz)).ravel(), wanted, rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("solver", ["ipopt", "compiled"])
+def test_a_flat_trajectory_pays_for_the_change_of_its_thrust(solver):
+    """A unit mass at rest, one piece of held jerk j for a second: minimise (j/6 - g)² + w (j/10)²."""
+    vehicle, weight, goal = PlanarPointMass(mass=1.0, thrust_max=(10.0, 10.0)), 3.0, 1.0
+    problem = TrajectoryProblem(vehicle, pieces=1, period=1.0, degree=3).maximize(Nearness())
+    plan = (
+        with_change(problem, vehicle, weight).compile(solver, TIGHT[solver]).solve(np.zeros((3, 2)), goal=(goal, 0.0))
+    )
+    wanted = (goal / 6.0) / (1.0 / 36.0 + weight / 100.0)
+    assert plan.trajectory.top[0, 0] == pytest.approx(wanted, rel=1e-5)
+    assert plan.status == "solved"
+
+
+@pytest.mark.parametrize("solver", ["ipopt", "compiled"])
+def test_a_flat_trajectory_pays_for_the_steps_of_its_thrust(solver):
+    """A unit mass under held accelerations, from the one that acts: the minimum by brute force."""
+    vehicle, weight, goal, acting = PlanarPointMass(mass=1.0, thrust_max=(10.0, 10.0)), 2.0, 1.0, 4.0
+    problem = TrajectoryProblem(vehicle, pieces=3, period=0.5).maximize(Nearness())
+    planner = with_change(problem, vehicle, weight).compile(solver, TIGHT[solver])
+    planner.act((acting, 0.0))
+    found = planner.solve(np.zeros((2, 2)), goal=(goal, 0.0)).trajectory.top[:, 0]
+    np.testing.assert_allclose(found, cheapest(weight, goal, acting), atol=2e-5)
+    # the next plan goes on from the first piece of this one
+    again = planner.solve(np.zeros((2, 2)), goal=(goal, 0.0)).trajectory.top[:, 0]
+    np.testing.assert_allclose(again, cheapest(weight, goal, found[0]), atol=2e-5)
+
+
+def cheapest(weight, goal, acting, form="held"):
+    """Forces on a unit mass over three half seconds that cost least, from the exact motion."""
+
+    def cost(forces):
+        before, x, v, total = acting, 0.0, 0.0, 0.0
+        for force in forces:
+            total += weight * 0.5 * ((force - before) / 0.5 / 10.0) ** 2
+            first = force if form == "held" else before
+            x += 0.5 * v + 0.125 * first + 0.125 / 3.0 * (force - first)
+            v += 0.5 * (first + force) / 2.0
+            total += (x - goal) ** 2
+            before = force
+        return total
+
+    return minimize(cost, np.zeros(3), method="BFGS", options={"gtol": 1e-10}).x
+
+
+@pytest.mark.parametrize("solver", ["ipopt", "compiled"])
+@pytest.mark.parametrize("form", ["held", "linear"])
+def test_a_trajectory_by_integration_pays_for_the_change_of_its_inputs(form, solver):
+    """A unit mass under forces in x, from the force that acts now: the minimum by brute force on the exact motion."""
+    vehicle, weight, goal, acting = PlanarPointMass(mass=1.0, thrust_max=(10.0, 10.0)), 2.0, 1.0, 4.0
+    problem = ShootingProblem(vehicle, 3, 0.5, form).maximize(Nearness())
+    planner = with_change(problem, vehicle, weight).compile(solver, TIGHT[solver])
+    planner.act((acting, 0.0))
+    plan = planner.solve(np.zeros((2, 2)), goal=(goal, 0.0))
+
+    found = plan.thrust[:, 0] if form == "held" else plan.thrust_end[:, 0]
+    np.testing.assert_allclose(found, cheapest(weight, goal, acting, form), atol=2e-5)
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_both_solvers_find_the_same_plan_of_a_vehicle_whose_thrust_turns(degree):
+    vehicle = KNOWN_VEHICLES["falcon"].make(2)
+    problem = TrajectoryProblem(vehicle, pieces=6, period=0.5, degree=degree).maximize(Nearness())
+    problem = with_change(problem.subject_to(ThrustLimit(vehicle)), vehicle, 5.0)
+    start = np.array([[0.0, 0.0, 0.3], [1.0, 0.2, 0.1], [0.0, 0.5, 0.0]])[:degree]
+    ends = [
+        problem.compile(solver, TIGHT[solver]).solve(start, goal=(4.0, 3.0)).trajectory.knots[:, 0]
+        for solver in ("ipopt", "compiled")
+    ]
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-4)
+    still = TrajectoryProblem(vehicle, pieces=6, period=0.5, degree=degree).maximize(Nearness())
+    free = still.subject_to(ThrustLimit(vehicle)).compile("ipopt").solve(start, goal=(4.0, 3.0)).trajectory
+    assert np.abs(free.knots[:, 0] - ends[0]).max() > 0.05  # it makes a difference
+
+
+def test_a_penalty_on_held_thrust_weighs_the_same_in_both_solvers():
+    vehicle = PlanarPointMass(mass=1.0, thrust_max=(1.0, 1.0))
+    problem = ShootingProblem(vehicle, 2, 1.0, "held").maximize(Nearness())
+    problem = problem.subject_to_penalty(ThrustLimit(vehicle), weight=3.0, width=1.0, nodes=4)
+    found = [
+        problem.compile(solver, TIGHT[solver]).solve(np.zeros((2, 2)), goal=(2.0, 0.0)).thrust
+        for solver in ("ipopt", "compiled")
+    ]
+    np.testing.assert_allclose(found[1], found[0], atol=1e-5)
+
+
+def test_a_change_of_thrust_that_jumps_and_changes_within_pieces_is_refused_in_one_line():
+    vehicle = KNOWN_VEHICLES["falcon"].make(2)
+    with pytest.raises(ValueError, match=r"planner.effort_rate: found degree 3 .*; allowed: planner.degree 2"):
+        with_change(TrajectoryProblem(vehicle, 3, 0.5, degree=3, continuity=1), vehicle, 1.0)
+    with pytest.raises(
+        ConfigurationError, match=r"planner.effort_rate: found 1; allowed: 0 with planner.continuity: 1"
+    ):
+        load_config("case2", ["planner.effort_rate=1", "planner.degree=3", "planner.continuity=1"])
+    assert load_config("case2", ["planner.effort_rate=1"]).planner.effort_rate == 1.0
+    assert load_config("case2", ["planner.effort_rate=1", "planner.form=shooting"]).planner.effort_rate == 1.0
+    with pytest.raises(ValueError, match="reach"):
+        ThrustChange(vehicle, 0.0)
 
 
 @pytest.fixture(scope="module")

@@ -69,9 +69,10 @@ def test_honest_logs_are_not_warned_of(tmp_path, seed):
 def test_a_run_whose_tracker_is_given_too_little_noise_is_warned_of():
     usual = ["duration_s=6", "planner.solver=ipopt", "guidance.kind=static", "tracker.kind=ekf"]
     with pytest.warns(RuntimeWarning, match="case2: ekf: a quarter of the bearings"):
-        result = gbt.run("case2", overrides=[*usual, "sensor.noise_deg=8"])
+        result = gbt.run("case2", overrides=[*usual, "sensor.noise_deg=8", "tracker.bearing_std_deg=0.1"])
     assert any("a quarter" in line for line in result.summary["warnings"])
-    honest = gbt.run("case2", overrides=[*usual, "sensor.noise_deg=1", "tracker.bearing_std_deg=1"])
+    # the noise of the sensor where none is stated
+    honest = gbt.run("case2", overrides=[*usual, "sensor.noise_deg=8"])
     assert not any("a quarter" in line for line in honest.summary["warnings"])
 
 

@@ -15,9 +15,9 @@ import numpy as np
 from gbt_ocp.models.vehicles import acceleration
 from gbt_ocp.ocp import TrajectoryProblem
 from gbt_ocp.ocp.check import FINE_POINTS
+from gbt_ocp.ocp.objective_total import point_symbols
 from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.ocp.transcription import point_symbols
 
 
 class Judge:

@@ -17,7 +17,7 @@ import numpy as np
 
 from gbt_ocp.models.vehicles import acceleration
 from gbt_ocp.ocp import ThrustLimit, TrajectoryProblem
-from gbt_ocp.ocp.transcription import objective_function
+from gbt_ocp.ocp.objective_total import objective_function
 
 NAMES = {
     "alpaqa": "alpaqa PANOC", "fatrop": "fatrop", "opti": "CasADi Opti", "rockit": "rockit", "do_mpc": "do-mpc",

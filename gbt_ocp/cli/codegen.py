@@ -1,4 +1,4 @@
-"""``gbt-ocp codegen``: the planner of an experiment as C, or all of its pilot."""
+"""``gbt-ocp codegen``: the planner of an experiment as C, all of its pilot, or a ROS 2 package around that."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--prefix", metavar="NAME_", default="", help="of all names in it, for programs with several planners"
     )
     parser.add_argument("--pilot", action="store_true", help="the tracker, the guidance and the follower with it")
+    parser.add_argument("--ros2", action="store_true", help="a ROS 2 package around the pilot; --pilot is implied")
     parser.add_argument("--verify", action="store_true", help="build it, run its recorded steps, make it fail")
 
 
@@ -31,9 +32,11 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     refuse_unwritable(arguments.out)
 
     from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
+    from gbt_ocp.experiments.build.pilot import build_pilot
     from gbt_ocp.experiments.pilot_in_c import pilot_sources
     from gbt_ocp.experiments.recorded_pilot import RecordedPilot
     from gbt_ocp.experiments.recorded_steps import recorded_steps
+    from gbt_ocp.experiments.ros_package import PILOT_FOLDER, write_ros_package
     from gbt_ocp.ocp.codegen.library import CompilerError
     from gbt_ocp.ocp.codegen.problem_source import from_moments
     from gbt_ocp.ocp.export.folder import write_c
@@ -45,10 +48,12 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     from gbt_ocp.ocp.solvers.base import options_beside
 
     section, solver = configuration.planner, arguments.solver
+    with_pilot = arguments.pilot or arguments.ros2
     if arguments.verify and solver != "compiled":
         raise ConfigurationError(["--verify: found --solver ipopt; allowed: --solver compiled"])
-    if arguments.pilot and solver != "compiled":
-        raise ConfigurationError(["--pilot: found --solver ipopt; allowed: --solver compiled"])
+    if with_pilot and solver != "compiled":
+        asked = "--ros2" if arguments.ros2 else "--pilot"
+        raise ConfigurationError([f"{asked}: found --solver ipopt; allowed: --solver compiled"])
     try:
         prefix = checked_prefix(arguments.prefix)
     except ValueError as fault:
@@ -56,13 +61,22 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     try:
         problem = build_problem(configuration, build_vehicle(configuration))
         options = options_beside(section.solver, solver, section.solver_options)
-        beside = pilot_sources(configuration) | RecordedPilot(configuration).files if arguments.pilot else {}
+        beside = pilot_sources(configuration) | RecordedPilot(configuration).files if with_pilot else {}
         if solver == "compiled":
             planner = problem.compile(solver, options)
             # of the closed loop; made up only where nothing is planned there, which the moments of a forecast allow
             planned = isinstance(configuration.guidance, PlannerGuidanceSection)
             steps = recorded_steps(configuration, planner, OFFERED) if planned or not from_moments(problem) else None
-            write_c(planner, arguments.out, steps, prefix, beside)
+            if arguments.ros2:
+                write_ros_package(
+                    arguments.out,
+                    build_pilot(configuration),
+                    str(arguments.config),
+                    prefix,
+                    lambda folder: write_c(planner, folder, steps, prefix, beside),
+                )
+            else:
+                write_c(planner, arguments.out, steps, prefix, beside)
         else:
             if not isinstance(problem, ProblemData):
                 raise ConfigurationError(["planner.form: found shooting with --solver ipopt; allowed: flat"])
@@ -82,7 +96,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     show(arguments.out)
     if not arguments.verify:
         return DONE
-    found = verify_folder(arguments.out)
+    found = verify_folder(arguments.out / PILOT_FOLDER if arguments.ros2 else arguments.out)
     for line in found.faults:
         remark(line)
     if found.replayed is not None:
@@ -97,6 +111,7 @@ CODEGEN = Subcommand(
     (
         "gbt-ocp codegen case2 --out planner_c --set planner.formulation=hard --verify",
         "gbt-ocp codegen case2 --out pilot_c --pilot --verify",
+        "gbt-ocp codegen case2 --out ros2_ws/src/pilot --ros2",
     ),
     _add_arguments,
     _carry_out,

@@ -27,9 +27,6 @@ def pilot_sources(configuration: Configuration) -> dict[str, str]:
         raise ConfigurationError([f"--pilot: tracker.kind: found {found}; allowed: ekf, or gp for exact bearings"])
     if not isinstance(guidance, PlannerGuidanceSection):
         raise ConfigurationError([f"--pilot: guidance.kind: found {guidance.kind}; allowed: planner"])
-    current = getattr(configuration.vehicle, "current", "none")
-    if current != "none":
-        raise ConfigurationError([f"--pilot: vehicle.current: found {current}; allowed: none"])
     try:
         return pilot_files(build_pilot(configuration))
     except ConfigurationError:

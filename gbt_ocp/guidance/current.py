@@ -142,6 +142,15 @@ class CurrentObserver:
         """Of the estimate ``(d, d)`` in m²/s²."""
         return self._spread.copy()
 
+    @property
+    def settings(self) -> tuple[float, float, ca.Function]:
+        """σ_a, the drift, and the model.
+
+        That is a function of z, ż, z̈ ``(n,)``, v_c ``(d,)`` and the inputs τ ``(m,)``: what τ is less than the inputs
+        that the motion needs ``(m,)``, the slopes of these by v_c ``(m, d)``, and those by z̈ ``(m, n)``.
+        """
+        return self._std, self._drift, self._model
+
     def observe(self, before: Array, after: Array, thrust: Array, duration: float) -> None:
         """See :meth:`Current.observe`. A motion that is not finite teaches nothing."""
         positive("duration", duration)

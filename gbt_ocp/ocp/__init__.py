@@ -24,7 +24,7 @@ from gbt_ocp.ocp.terms import (
     Objective,
     PathConstraint,
 )
-from gbt_ocp.ocp.thrust_limits import InputRateLimit, ThrustEffort, ThrustLimit
+from gbt_ocp.ocp.thrust_limits import InputRateLimit, ThrustChange, ThrustEffort, ThrustLimit
 from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory
 
 __all__ = [
@@ -58,6 +58,7 @@ __all__ = [
     "Solution",
     "Solver",
     "SpeedLimit",
+    "ThrustChange",
     "ThrustEffort",
     "ThrustLimit",
     "TrajectoryProblem",

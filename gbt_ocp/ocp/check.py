@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, ProblemData
+from gbt_ocp.ocp.thrust_limits import ThrustChange
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import between_knots, constraint_function, first_free_node, limit_size
 from gbt_ocp.typing import Array
@@ -30,7 +31,7 @@ class LimitCheck:
 
     def __init__(self, problem: ProblemData, points: int = FINE_POINTS) -> None:
         self.points = points
-        self._constraints = problem.constraints
+        self._constraints, self._joined = problem.constraints, problem.joined
         self._judged = [number for number, counts in enumerate(problem.judged) if counts]
         imposed: list[HardLimit | PenaltyLimit] = [*problem.hard, *problem.penalties]
         self._nodes = [limit.nodes for limit in imposed]
@@ -75,6 +76,7 @@ class LimitCheck:
     def at_start(self, start: Array, limits: Sequence[Array] = ()) -> Array:
         """How far each constraint is broken at the start, where no plan can change it, at least 0 ``(count,)``."""
         found = np.zeros(len(self._constraints))
+        start = start[: self._joined]
         point = [start[order] if order < len(start) else np.zeros(start.shape[1]) for order in range(3)]
         for number, (constraint, function) in enumerate(zip(self._constraints, self._functions, strict=True)):
             if self._given[number]:
@@ -87,6 +89,8 @@ class LimitCheck:
     def _excess(self, number: int, trajectory: FlatTrajectory, limits: Sequence[Array], points: int) -> Array:
         """Violation of one constraint on an even grid of every piece ``(p, points)``."""
         constraint, pieces = self._constraints[number], trajectory.pieces
+        if isinstance(constraint, ThrustChange):  # weighed, not limited
+            return np.full((pieces, points), -np.inf)
         key = number, pieces * points
         if key not in self._mapped:
             self._mapped[key] = self._functions[number].map(pieces * points)

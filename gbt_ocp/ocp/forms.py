@@ -17,18 +17,12 @@ import casadi as ca
 import numpy as np
 
 from gbt_ocp.models.dynamics import Dynamics, integrated
+from gbt_ocp.ocp.objective_total import stacked_size, unstacked
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ProblemData, ShootingData
 from gbt_ocp.ocp.terms import AccumulatedObjective, Constraint, Objective, at_endpoint
-from gbt_ocp.ocp.thrust_limits import InputRateLimit, ThrustEffort, ThrustLimit
+from gbt_ocp.ocp.thrust_limits import InputRateLimit, OfChanges, OfInputs, ThrustChange, ThrustLimit
 from gbt_ocp.ocp.trajectory import FlatPoint
-from gbt_ocp.ocp.transcription import (
-    constraint_value,
-    first_free_node,
-    input_scale,
-    limit_size,
-    stacked_size,
-    unstacked,
-)
+from gbt_ocp.ocp.transcription import change_of_thrust, constraint_value, first_free_node, input_scale, limit_size
 from gbt_ocp.typing import Array
 
 
@@ -47,13 +41,17 @@ class LimitGrid(NamedTuple):
 
 
 class FlatForm:
-    """The form of flat trajectories: a point is z, ż, z̈ ``(3n,)``."""
+    """The form of flat trajectories: a point is z, ż, z̈ ``(3n,)``.
+
+    Where changes of the thrust count, z⃛ follows, or where thrust jumps the acceleration of the piece before.
+    """
 
     at_end = False
 
     def __init__(self, problem: ProblemData) -> None:
         self._problem = problem
-        self.width = 3 * problem.vehicle.flat_dimension
+        self.seen = 3 + any(isinstance(constraint, ThrustChange) for constraint in problem.constraints)
+        self.width = self.seen * problem.vehicle.flat_dimension
         self.point = ca.SX.sym("point", self.width)
         self.objective_point = self.point
         self.scale = input_scale(problem)
@@ -68,6 +66,9 @@ class FlatForm:
 
     def constraint(self, constraint: Constraint, stacked: Any) -> Any:
         """The bounded quantities at :attr:`point`."""
+        if isinstance(constraint, ThrustChange):
+            motion = ca.vertsplit(self.point, self._problem.vehicle.flat_dimension)
+            return change_of_thrust(self._problem, constraint, motion)
         return constraint_value(constraint, self._split(self.point), stacked)
 
     def at_node(self, constraint: Constraint, stacked: Any) -> Any:
@@ -80,6 +81,9 @@ class FlatForm:
 
     def grid(self, limit: HardLimit | PenaltyLimit) -> LimitGrid:
         """Where a limit is imposed; a penalty also at the node where nothing can change it."""
+        if isinstance(limit.constraint, ThrustChange):
+            # a step between two pieces, seen in the body frames at both ends of the later one
+            return LimitGrid(1 if self._problem.remembers else limit.nodes, 0, False, False, 1.0)
         given = first_free_node(self._problem, limit.constraint)
         return LimitGrid(limit.nodes, given if isinstance(limit, HardLimit) else 0, bool(given), False, 1.0)
 
@@ -95,16 +99,34 @@ class FlatForm:
         Each entry of the lower triangles is given as its sums over the points of the piece times s^0, s^1, …, or as it
         is, of one at the end of the piece. The matrix is given by its lower triangle, row by row.
         """
-        n, orders = self._problem.vehicle.flat_dimension, self._problem.degree + 1
+        n, size = self._problem.vehicle.flat_dimension, self._numbers
         entries = ca.SX.sym("entries", len(rows) * (1 if at_end else self._powers))
-        half: Any = ca.SX.zeros(n * orders, n * orders)
+        half: Any = ca.SX.zeros(size, size)
         for a, (row, column) in enumerate(zip(rows, columns, strict=True)):
-            for i, k in product(range(orders - row // n), range(orders - column // n)):
+            for i, k in product(self._later(row // n), self._later(column // n)):
                 power = self._problem.period ** (i + k) if at_end else 1.0
                 factor = power / (factorial(i) * factorial(k)) * (0.5 if row == column else 1.0)
-                half[row + i * n, column + k * n] += factor * entries[a if at_end else a * self._powers + i + k]
+                to, across = self._place(row // n, i) * n + row % n, self._place(column // n, k) * n + column % n
+                half[to, across] += factor * entries[a if at_end else a * self._powers + i + k]
         matrix = half + half.T
-        return entries, ca.vertcat(*(matrix[row, : row + 1].T for row in range(n * orders)))
+        return entries, ca.vertcat(*(matrix[row, : row + 1].T for row in range(size)))
+
+    @property
+    def _numbers(self) -> int:
+        """Numbers of a piece."""
+        return (self._problem.degree + 1 + self._problem.remembers) * self._problem.vehicle.flat_dimension
+
+    def _later(self, order: int) -> range:
+        """How many orders above one at a point those are at the beginning of the piece that lead to it."""
+        remembered = self._problem.remembers and order == 3
+        return range(1 if remembered else self._problem.degree + 1 - order)
+
+    def _place(self, order: int, above: int) -> int:
+        """Where the derivative so many orders above one at a point stands in a piece."""
+        joined, remembers = self._problem.joined, self._problem.remembers
+        if remembers and order == 3:
+            return joined
+        return order + above + (remembers and order + above >= joined)
 
     @property
     def _powers(self) -> int:
@@ -118,13 +140,13 @@ class FlatForm:
         return bool(ca.depends_on(ca.vertcat(vehicle.inputs(z, dz, ddz)), z[: vehicle.position_dimension]))
 
     def _split(self, point: ca.SX) -> FlatPoint:
-        return FlatPoint(*ca.vertsplit(point, self._problem.vehicle.flat_dimension))
+        return FlatPoint(*ca.vertsplit(point, self._problem.vehicle.flat_dimension)[:3])
 
 
 class ShootingForm:
     """The form of trajectories by integration: a point is state, inputs of the piece and the share of it that is over.
 
-    Where the rates of inputs are limited, the inputs at the end of the piece before follow the state of the vehicle.
+    Where the rates of inputs count, the inputs at the end of the piece before follow the state of the vehicle.
 
     Attributes
     ----------
@@ -198,14 +220,14 @@ class ShootingForm:
         return self.steps > 1 and self._reads_state(constraint)
 
     def _reads_state(self, constraint: Constraint) -> bool:
-        return not isinstance(constraint, ThrustLimit | ThrustEffort | InputRateLimit)
+        return not isinstance(constraint, OfInputs | OfChanges)
 
     def _bounded(self, constraint: Constraint, stacked: Any, state: Any) -> Any:
         share = self.point[self.width]
         inputs = self.inputs_after(share)
-        if isinstance(constraint, ThrustLimit | ThrustEffort):
+        if isinstance(constraint, OfInputs):
             return constraint.of_inputs(inputs)
-        if isinstance(constraint, InputRateLimit):
+        if isinstance(constraint, OfChanges):
             before = self.point[self.dynamics.states : self.states]
             return constraint.of_change(self.inputs_after(1.0) - before, self._problem.period)
         return constraint_value(constraint, self.flat_point(state, inputs), stacked)
@@ -213,7 +235,7 @@ class ShootingForm:
     def grid(self, limit: HardLimit | PenaltyLimit) -> LimitGrid:
         """Where a limit is imposed: thrust that is held once a piece, thrust that is linear at both ends."""
         constraint = limit.constraint
-        if isinstance(constraint, InputRateLimit):
+        if isinstance(constraint, OfChanges):
             return LimitGrid(1, 1, False, True, 2.0)
         if isinstance(constraint, ThrustLimit):
             if self.held == self.dynamics.inputs:

@@ -8,7 +8,7 @@ import casadi as ca
 
 from gbt_ocp.ocp.problem_data import PosedProblem
 from gbt_ocp.ocp.terms import Constraint, MovingConstraint, is_believed
-from gbt_ocp.ocp.thrust_limits import InputRateLimit, ThrustEffort, ThrustLimit
+from gbt_ocp.ocp.thrust_limits import OfChanges, OfInputs
 from gbt_ocp.ocp.trajectory import FlatPoint
 
 
@@ -38,7 +38,7 @@ def limit_class(problem: PosedProblem, constraint: Constraint) -> LimitClass:
     """The class of a constraint, which follows from what it depends on."""
     if is_believed(constraint):
         return LimitClass.BELIEVED
-    if isinstance(constraint, ThrustLimit | ThrustEffort | InputRateLimit):
+    if isinstance(constraint, OfInputs | OfChanges):
         return LimitClass.THRUST
     point = FlatPoint(*(ca.SX.sym(name, problem.vehicle.flat_dimension) for name in ("z", "dz", "ddz")))
     if isinstance(constraint, MovingConstraint):

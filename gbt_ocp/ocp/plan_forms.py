@@ -13,13 +13,14 @@ from numpy.typing import ArrayLike
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.ocp.braking import BrakingPlanner
 from gbt_ocp.ocp.check import LimitCheck
+from gbt_ocp.ocp.objective_total import objective_total
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.problem_data import PosedProblem, ProblemData, ShootingData
 from gbt_ocp.ocp.shot import Shots, ShotTrajectory
 from gbt_ocp.ocp.shot_check import ShotCheck
 from gbt_ocp.ocp.solvers.base import PlannerStep
 from gbt_ocp.ocp.trajectory import FlatTrajectory, settling
-from gbt_ocp.ocp.transcription import input_scale, objective_total
+from gbt_ocp.ocp.transcription import input_scale
 from gbt_ocp.typing import Array
 
 ASIDE = 1.0e-5
@@ -54,12 +55,23 @@ class FlatPlans:
         self._objectives = [objective_total(problem, term) for term in problem.objectives]
 
     def start(self, state: ArrayLike, acting: Array | None = None) -> Array:
-        """Derivatives of the flat output now, as many as are continuous ``(k+1, n)``."""
-        return _checked(state, [(self._problem.joined, self._problem.vehicle.flat_dimension)])
+        """Derivatives of the flat output now, as many as are continuous ``(k+1, n)``.
+
+        Where changes of the thrust count and it jumps, the acceleration that acts now follows them, by default none.
+        """
+        n, joined = self._problem.vehicle.flat_dimension, self._problem.joined
+        found = _checked(state, list(dict.fromkeys([(joined, n), (joined + self._problem.remembers, n)])))
+        if len(found) < joined + self._problem.remembers:
+            found = np.vstack([found, np.zeros((1, n)) if acting is None else acting[None]])
+        return found
+
+    def acting(self, piece: Array) -> Array:
+        """What the numbers of the first piece of the last plan say of what acts now ``(n,)``: its acceleration."""
+        return np.asarray(piece[: self._problem.vehicle.flat_dimension])
 
     def trajectory(self, start: Array, top: Array) -> FlatTrajectory:
         """The piecewise polynomial."""
-        return FlatTrajectory(self._problem.period, start, top)
+        return FlatTrajectory(self._problem.period, start[: self._problem.joined], top)
 
     def objective(self, trajectory: FlatTrajectory, parameters: Sequence[Array]) -> float:
         """The sum over the endpoints."""
@@ -67,7 +79,7 @@ class FlatPlans:
 
     def coasting(self, start: Array) -> Array:
         """Constant velocity and a little thrust to one side; :func:`cold_guess`."""
-        return cold_guess(self._problem, start)
+        return cold_guess(self._problem, start[: self._problem.joined])
 
     def rest(self, previous: FlatTrajectory, start: Array) -> Array:
         """The rest of a plan, the last piece coasting; where the start is off it, that comes to rest.
@@ -92,7 +104,7 @@ class FlatPlans:
 
     def braking(self, start: Array) -> Array:
         """What is free in a braking trajectory."""
-        return self._brake(start).top
+        return self._brake(start[: self._problem.joined]).top
 
     def plan(self, trajectory: FlatTrajectory, step: PlannerStep, named: Named, **rest: Any) -> Plan:
         """A plan with the trajectory."""
@@ -128,6 +140,10 @@ class ShotPlans:
     def trajectory(self, start: Array, top: Array) -> ShotTrajectory:
         """Integrated from the start."""
         return self._shots.trajectory(start, top)
+
+    def acting(self, piece: Array) -> Array:
+        """The inputs at the end of the first piece of the last plan ``(m,)``."""
+        return np.asarray(piece[-len(self._problem.vehicle.thrust_max) :])
 
     def objective(self, trajectory: ShotTrajectory, parameters: Sequence[Array]) -> float:
         """The sum over the ends of the periods."""

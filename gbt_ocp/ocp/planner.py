@@ -76,15 +76,16 @@ class AnyPlanner:
     def act(self, inputs: ArrayLike) -> None:
         """Say which inputs act where the next plan begins ``(m,)``.
 
-        Limits on their rates go on from them; by default from those at the end of the first piece of the last plan,
-        without one from none.
+        Limits on their rates, and what their changes cost, go on from them; by default from those at the end of the
+        first piece of the last plan, without one from none. A flat trajectory goes on from an acceleration z̈ ``(n,)``.
         """
         self._acting = np.array(inputs, dtype=float)
 
     def _inputs_now(self) -> Array | None:
         if self._acting is not None or self._previous is None:
             return self._acting
-        return np.asarray(self._previous.top[0][-len(self.problem.vehicle.thrust_max) :])
+        found: Array = self._form.acting(self._previous.top[0])
+        return found
 
     @property
     def previous(self) -> Any:

@@ -8,7 +8,7 @@ from typing import Literal
 from gbt_ocp.models.sizes import at_least, positive
 from gbt_ocp.models.vehicles import DrivenVehicle, Vehicle
 from gbt_ocp.ocp.terms import AnyObjective, Constraint, is_believed
-from gbt_ocp.ocp.thrust_limits import InputRateLimit
+from gbt_ocp.ocp.thrust_limits import InputRateLimit, OfChanges, ThrustChange
 
 
 @dataclass(frozen=True)
@@ -62,15 +62,16 @@ class PosedProblem:
         """How many derivatives of the flat output, itself included, a start has."""
         raise NotImplementedError
 
-    def check_rates(self) -> None:
-        """Whether limits on the rates of the inputs can be kept at all.
+    def check_changes(self, constraint: OfChanges) -> None:
+        """Whether rates of the inputs can be bounded or weighed at all.
 
         Raises
         ------
         ValueError
             If not.
         """
-        raise ValueError("limits.input_rate: found planner.form: flat; allowed: shooting")
+        if isinstance(constraint, InputRateLimit):
+            raise ValueError("limits.input_rate: found planner.form: flat; allowed: shooting")
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
@@ -82,9 +83,10 @@ class PosedProblem:
         """For each constraint, whether a piece that breaks it is never executed.
 
         Not so a penalty on what is only believed: a forecast may jump so that no plan keeps a distance from it, and
-        then the plan that does its best is better than none.
+        then the plan that does its best is better than none. Nor changes of the thrust, which are weighed, not limited.
         """
-        soft = (not is_believed(limit.constraint) for limit in self.penalties)
+        free = (is_believed(limit.constraint) or isinstance(limit.constraint, ThrustChange) for limit in self.penalties)
+        soft = (not one for one in free)
         return (*(True for _ in self.hard), *soft)
 
 
@@ -110,6 +112,20 @@ class ProblemData(PosedProblem):
     def joined(self) -> int:
         """How many derivatives of the flat output, itself included, a piece takes over from the one before it."""
         return joined_derivatives(self.degree, self.continuity)
+
+    def check_changes(self, constraint: OfChanges) -> None:
+        """Those of the thrust can be weighed where it jumps between pieces and nowhere else, or not at all."""
+        super().check_changes(constraint)
+        if self.joined < min(3, self.degree):
+            raise ValueError(
+                f"planner.effort_rate: found degree {self.degree} of which one derivative is continuous; allowed: "
+                "planner.degree 2, planner.continuity 2 and more, or planner.form: shooting"
+            )
+
+    @property
+    def remembers(self) -> bool:
+        """Whether a piece knows the acceleration of the one before: where changes of the thrust count, which jumps."""
+        return self.joined == 2 and any(isinstance(constraint, ThrustChange) for constraint in self.constraints)
 
     @property
     def freedoms(self) -> int:
@@ -138,13 +154,13 @@ class ShootingData(PosedProblem):
         """How many derivatives of the flat output a start has: z and its rate."""
         return 2
 
-    def check_rates(self) -> None:
+    def check_changes(self, constraint: OfChanges) -> None:
         """They can."""
 
     @property
     def remembers_inputs(self) -> bool:
-        """Whether the inputs of a piece are part of the state after it: where their rates are limited."""
-        return any(isinstance(constraint, InputRateLimit) for constraint in self.constraints)
+        """Whether the inputs of a piece are part of the state after it: where their rates count."""
+        return any(isinstance(constraint, OfChanges) for constraint in self.constraints)
 
     @property
     def freedoms(self) -> int:

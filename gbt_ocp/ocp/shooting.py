@@ -27,13 +27,13 @@ from numpy.typing import ArrayLike
 from gbt_ocp.models.sizes import at_least
 from gbt_ocp.models.vehicles import acceleration
 from gbt_ocp.ocp.binding import Binding
+from gbt_ocp.ocp.objective_total import objective_function
 from gbt_ocp.ocp.plan import ShootingPlan
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.ocp.solvers.base import Solution
 from gbt_ocp.ocp.solvers.ipopt import ipopt_function, solution_of
 from gbt_ocp.ocp.terms import AccumulatedObjective, JointObjective
 from gbt_ocp.ocp.thrust_limits import ThrustLimit
-from gbt_ocp.ocp.transcription import objective_function
 from gbt_ocp.typing import Array
 
 SUBSTEPS = 4

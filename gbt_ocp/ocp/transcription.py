@@ -8,7 +8,7 @@ are.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,16 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.limit_classes import LIMIT_WEIGHT, LimitClass, hard_weights, limit_class
+from gbt_ocp.ocp.objective_total import objective_total, point_symbols, stacked_size, unstacked
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ProblemData
-from gbt_ocp.ocp.terms import (
-    AccumulatedObjective,
-    AnyObjective,
-    Constraint,
-    JointObjective,
-    MovingConstraint,
-    Objective,
-    at_endpoint,
-)
+from gbt_ocp.ocp.terms import Constraint, MovingConstraint
+from gbt_ocp.ocp.thrust_limits import ThrustChange
 from gbt_ocp.ocp.trajectory import FlatPoint, propagate
 from gbt_ocp.typing import Array
 
@@ -35,25 +29,6 @@ def input_scale(problem: ProblemData) -> Array:
     """Natural sizes of a piece's unknowns ``(freedoms,)``: what changes z̈ by its scale within a period."""
     orders = range(problem.joined, problem.degree + 1)
     return np.concatenate([problem.vehicle.acceleration_scale / problem.period ** (order - 2) for order in orders])
-
-
-def point_symbols(size: int) -> FlatPoint:
-    """Symbols z, ż, z̈ ``(n,)``."""
-    return FlatPoint(*(ca.SX.sym(name, size) for name in ("z", "dz", "ddz")))
-
-
-def stacked_size(shapes: Mapping[str, tuple[int, int]]) -> int:
-    """How many numbers parameters of these shapes are at one time."""
-    return sum(height * width for height, width in shapes.values())
-
-
-def unstacked(shapes: Mapping[str, tuple[int, int]], stacked: Any) -> dict[str, Any]:
-    """Parameters by name, as CasADi expressions, out of what :func:`stack_parameters` stacked at one time."""
-    found, offset = {}, 0
-    for name, (height, width) in shapes.items():
-        found[name] = ca.reshape(stacked[offset : offset + height * width], height, width)
-        offset += height * width
-    return found
 
 
 def limit_size(constraint: Constraint) -> int:
@@ -68,9 +43,23 @@ def constraint_value(constraint: Constraint, point: FlatPoint, stacked: Any) -> 
     return constraint.value(point, unstacked(constraint.shapes, stacked))
 
 
+def change_of_thrust(problem: ProblemData, constraint: ThrustChange, motion: Sequence[Any]) -> Any:
+    """τ̇ over the limits ``(m,)`` of z, ż, z̈ and z⃛, or where thrust jumps the acceleration of the piece before."""
+    z, dz, ddz, more = motion
+    if problem.remembers:
+        return constraint.of_jump(z, dz, ddz, more, problem.period)
+    return constraint.of_motion(z, dz, ddz, more)
+
+
 def constraint_function(problem: ProblemData, constraint: Constraint) -> ca.Function:
-    """(z, ż, z̈) -> the bounded quantities ``(m,)``; with the parameters as a fourth input where there are any."""
+    """(z, ż, z̈) -> the bounded quantities ``(m,)``; with the parameters as a fourth input where there are any.
+
+    Of changes of the thrust the fourth input is z⃛, or where thrust jumps the acceleration of the piece before.
+    """
     point, stacked = point_symbols(problem.vehicle.flat_dimension), ca.SX.sym("p", limit_size(constraint))
+    if isinstance(constraint, ThrustChange):
+        motion = [*point, ca.SX.sym("dddz", problem.vehicle.flat_dimension)]
+        return ca.Function("constraint", motion, [change_of_thrust(problem, constraint, motion)])
     inputs = [*point, stacked] if stacked.numel() else [*point]
     return ca.Function("constraint", inputs, [constraint_value(constraint, point, stacked)])
 
@@ -87,38 +76,6 @@ def between_knots(knots: Any, shares: Array) -> list[Any]:
     return [np.stack(parts, axis=1) if isinstance(knots, np.ndarray) else ca.horzcat(*parts)]
 
 
-def objective_function(problem: PosedProblem, objective: Objective | AccumulatedObjective) -> ca.Function:
-    """(z, ż, z̈, parameters) -> the term at one endpoint, or what that adds to the sums.
-
-    The parameters are stacked column by column.
-    """
-    point = point_symbols(problem.vehicle.flat_dimension)
-    stacked = ca.SX.sym("p", stacked_size(objective.shapes))
-    value = at_endpoint(objective, point, unstacked(objective.shapes, stacked))
-    return ca.Function("objective", [*point, stacked], [value], ["z", "dz", "ddz", "p"], ["value"])
-
-
-def objective_total(problem: PosedProblem, objective: AnyObjective) -> ca.Function:
-    """(Z, Ż, Z̈, parameters), one endpoint a column, -> the term of all endpoints together."""
-    if isinstance(objective, AccumulatedObjective) or not isinstance(objective, JointObjective):
-        single = objective_function(problem, objective).map(problem.pieces)
-        columns = [ca.MX.sym(single.name_in(k), *single.size_in(k)) for k in range(4)]
-        total = ca.sum2(single(*columns))
-        if isinstance(objective, AccumulatedObjective):
-            sums = ca.SX.sym("sums", total.numel())
-            total = ca.Function("of_sums", [sums], [objective.of_sums(sums)])(total)
-        return ca.Function("objective", columns, [total])
-    n, p = problem.vehicle.flat_dimension, problem.pieces
-    size = stacked_size(objective.shapes)
-    ends = [ca.SX.sym(name, n, p) for name in ("z", "dz", "ddz")]
-    stacked = ca.SX.sym("p", size, p)
-    points, parameters = [], []
-    for k in range(p):
-        points.append(FlatPoint(*(values[:, k] for values in ends)))
-        parameters.append(unstacked(objective.shapes, stacked[:, k]))
-    return ca.Function("objective", [*ends, stacked], [objective.total(points, parameters)])
-
-
 def first_free_node(problem: ProblemData, constraint: Constraint) -> int:
     """The first node of a piece at which the piece's own unknown moves the constraint: 0 or 1.
 
@@ -126,6 +83,8 @@ def first_free_node(problem: ProblemData, constraint: Constraint) -> int:
     of it. Everything else is continuous there: at its first node a piece repeats the last one of the piece before, and
     the first piece what is given.
     """
+    if isinstance(constraint, ThrustChange):
+        return 0
     point, stacked = point_symbols(problem.vehicle.flat_dimension), ca.SX.sym("p", limit_size(constraint))
     value = ca.SX(constraint_value(constraint, point, stacked))
     return 0 if problem.joined == 2 and ca.depends_on(value, point.ddz) else 1
@@ -241,25 +200,29 @@ def transcribe(problem: ProblemData) -> Transcription:
     """Build the nonlinear program symbolically (MX, with map over the nodes)."""
     n, p, joined = problem.vehicle.flat_dimension, problem.pieces, problem.joined
     variables = ca.MX.sym("u", problem.freedoms * p)
-    start = ca.MX.sym("start", n, joined)
+    start = ca.MX.sym("start", n, joined + problem.remembers)
     scaled = variables * ca.repmat(ca.DM(input_scale(problem)), p, 1)
     free = [ca.horzsplit(ca.reshape(own, n, -1)) for own in ca.vertsplit(scaled, problem.freedoms)]
-    knots = [ca.horzsplit(start)]
+    knots = [ca.horzsplit(start)[:joined]]
     for i in range(p):
         knots.append(propagate(knots[-1], free[i], problem.period)[:joined])
 
-    def at(times: Array) -> list[ca.MX]:
-        """z, ż, z̈ at these times of every piece, one a column."""
-        points = [propagate(knots[i], free[i], float(s)) for i in range(p) for s in times]
-        return [ca.horzcat(*(point[order] for point in points)) for order in range(3)]
+    def at(times: Array, orders: int = 3) -> list[ca.MX]:
+        """z, ż, z̈ and so on at these times of every piece, one a column."""
+        before = [[start[:, joined]], *free[:-1]] if problem.remembers else [[]] * p
+        points = [[*propagate(knots[i], free[i], float(s)), *before[i][:1]] for i in range(p) for s in times]
+        return [ca.horzcat(*(point[order] for point in points)) for order in range(orders)]
 
     def values(number: int, shares: Array, moving: ca.MX) -> ca.MX:
         function = constraint_function(problem, problem.constraints[number])
-        return function.map(p * len(shares))(*at(problem.period * shares), *between_knots(moving, shares))
+        orders = 4 if isinstance(problem.constraints[number], ThrustChange) else 3
+        return function.map(p * len(shares))(*at(problem.period * shares, orders), *between_knots(moving, shares))
 
     def grid(limit: HardLimit | PenaltyLimit) -> tuple[int, int, float]:
         hard = isinstance(limit, HardLimit)
-        return limit.nodes, first_free_node(problem, limit.constraint) if hard else 0, 1.0
+        # a step of the thrust is one between two pieces
+        steps = problem.remembers and isinstance(limit.constraint, ThrustChange)
+        return 1 if steps else limit.nodes, first_free_node(problem, limit.constraint) if hard else 0, 1.0
 
     none, ends = ca.MX(0, 1), at(np.array([problem.period]))
     return assembled(problem, Layout(variables, none, none, start, ends, values, grid), None)

@@ -9,7 +9,7 @@ from gbt_ocp.models.sizes import at_least, positive
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem
 from gbt_ocp.ocp.term_checks import check_constraint, check_objective
 from gbt_ocp.ocp.terms import AnyObjective, Constraint
-from gbt_ocp.ocp.thrust_limits import InputRateLimit, ThrustEffort, ThrustLimit
+from gbt_ocp.ocp.thrust_limits import OfChanges, OfInputs
 
 if TYPE_CHECKING:
     from typing import Self
@@ -63,7 +63,7 @@ class PosingVerbs(PosedProblem):
 
     def _check(self, constraint: Constraint) -> None:
         """Evaluate a constraint once; of thrust, a vehicle that is not flat knows no more than the limits."""
-        if isinstance(constraint, InputRateLimit):
-            self.check_rates()
-        elif not isinstance(constraint, ThrustLimit | ThrustEffort) or hasattr(self.vehicle, "inputs"):
+        if isinstance(constraint, OfChanges):
+            self.check_changes(constraint)
+        elif not isinstance(constraint, OfInputs) or hasattr(self.vehicle, "inputs"):
             check_constraint(constraint, self.vehicle)

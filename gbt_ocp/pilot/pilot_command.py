@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,6 +16,9 @@ from gbt_ocp.pilot.pilot_health import PilotHealth
 from gbt_ocp.pilot.setpoint import Setpoint, setpoint_of
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
+
+SAME_PIECE = 1.0e-9
+"""Rounding of a time, in pieces: one at a boundary belongs to the later piece."""
 
 
 @dataclass(frozen=True)
@@ -76,3 +80,17 @@ class PilotCommand:
             return None
         since = decision.elapsed + (self.time - self.decided.time) + self.lead
         return setpoint_of(decision, self.vehicle, since, end)
+
+    @cached_property
+    def waypoints(self) -> tuple[Setpoint, ...]:
+        """Where the vehicle should be at the ends of the pieces that lie ahead, and how it should move there.
+
+        Each has its time; there is none where no flat plan is followed.
+        """
+        if self.decided is None or not isinstance(self.decided.decision, Plan):
+            return ()
+        plan, began = self.decided.decision, self.decided.time - self.decided.decision.elapsed
+        period, pieces = plan.trajectory.period, plan.trajectory.pieces
+        passed = math.floor((self.time - began) / period + SAME_PIECE)
+        ends = [number * period for number in range(passed + 1, pieces + 1)]
+        return tuple(setpoint_of(plan, self.vehicle, end, began + end) for end in ends)

@@ -6,13 +6,17 @@ import json
 import math
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
+from gbt_ocp.guidance.current import ACCELERATION_SHARE, Current, CurrentObserver
 from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.startup import CrossFirst
+from gbt_ocp.guidance.water import InWater
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sensors import SimulatedSensor
+from gbt_ocp.ocp.codegen.expressions import c_function, c_source
 from gbt_ocp.ocp.codegen.problem_source import from_moments
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.pilot.pilot_parts import PilotParts
@@ -20,6 +24,9 @@ from gbt_ocp.pilot.tracker_source import SIZES, c_number, initialiser, pilot_tex
 
 NAVIGATION_HZ = 50.0
 """Rate in Hz of navigations for which there is memory; where they come faster, those that are too old are fewer."""
+
+COMMANDS_HZ = 50.0
+"""Rate in Hz of commands for which there is memory where the current is estimated; it is not learnt from more."""
 
 UNLISTED = 8
 """Numbers of sensors that are not listed in the configuration."""
@@ -43,7 +50,9 @@ def pilot_files(parts: PilotParts) -> dict[str, str]:
     """
     numbers, sizes = _guidance(parts)
     tracker = tracker_in_c(parts.tracker)
-    sizes |= tracker.sizes | _memory(parts)
+    current = parts.guidance.current if isinstance(parts.guidance, InWater) else None
+    sizes |= tracker.sizes | _memory(parts) | {"CURRENT": _kind_of(current)}
+    numbers |= _current(current, parts.vehicle.position_dimension)
     numbers |= {
         "period": parts.period,
         "forecast_period": parts.forecast_period,
@@ -63,17 +72,19 @@ def pilot_files(parts: PilotParts) -> dict[str, str]:
         tracker=initialiser(tracker.settings),
         sensors=", ".join(sensors or ["{{0, GBT_EARTH, 0, {0}, 0}, 0, 0, 0}"]),
         names=", ".join(json.dumps(name) for name in parts.sensors) or '""',
+        model=_model(current, parts.vehicle) if isinstance(current, CurrentObserver) else "",
     )
     return tracker.chosen(pilot_texts()) | {"gbt_pilot_settings.h": header, "gbt_pilot_settings.c": source}
 
 
 def _guidance(parts: PilotParts) -> tuple[dict[str, Any], dict[str, int]]:
     """Numbers and sizes of the guidance."""
-    crossing = parts.guidance if isinstance(parts.guidance, CrossFirst) else None
-    planned = parts.guidance if crossing is None else crossing.planned
+    guidance = parts.guidance.inner if isinstance(parts.guidance, InWater) else parts.guidance
+    crossing = guidance if isinstance(guidance, CrossFirst) else None
+    planned = guidance if crossing is None else crossing.planned
     if not isinstance(planned, PlannedMotion):
         found = type(planned).__name__
-        raise ValueError(f"guidance: found {found}; allowed in C: a planner in still water (vehicle.current: none)")
+        raise ValueError(f"guidance: found {found}; allowed in C: a planner")
     planner = planned.planner
     if not isinstance(planner.problem, ProblemData):
         raise ValueError("planner.form: found shooting; allowed in C: flat")
@@ -106,6 +117,32 @@ def _guidance(parts: PilotParts) -> tuple[dict[str, Any], dict[str, int]]:
     return numbers, {"AHEAD": parts.forecast, "STEPS": steps, "STRIDE": stride}
 
 
+def _kind_of(current: Current | None) -> int:
+    """0 in still water, 1 where the current is given, 2 where it is estimated."""
+    return 0 if current is None else 2 if isinstance(current, CurrentObserver) else 1
+
+
+def _current(current: Current | None, dimension: int) -> dict[str, Any]:
+    """Numbers of what is known of the water."""
+    std, drift = current.settings[:2] if isinstance(current, CurrentObserver) else (0.0, 0.0)
+    return {
+        "current": np.zeros(dimension) if current is None else current.velocity,
+        "current_std": 0.0 if current is None else math.sqrt(current.covariance[0, 0]),
+        "current_drift": drift,
+        "acceleration_std": std,
+        "acceleration_share": ACCELERATION_SHARE,
+    }
+
+
+def _model(current: CurrentObserver, vehicle: Any) -> str:
+    """The function of the observer."""
+    d, n, m = vehicle.position_dimension, vehicle.flat_dimension, len(vehicle.thrust_max)
+    point, water, inputs = ca.SX.sym("point", 3 * n), ca.SX.sym("water", d), ca.SX.sym("inputs", m)
+    off, slope, mass = current.settings[2](*ca.vertsplit(point, n), water, inputs)
+    out = ca.vertcat(off, ca.vec(slope.T), ca.vec(mass.T))
+    return "\n" + c_source([c_function("gbt_current_model", [point, water, inputs], out)])
+
+
 def _memory(parts: PilotParts) -> dict[str, int]:
     """How much is remembered of inputs."""
     periods = [sensor.period for sensor in parts.sensors.values()] or [parts.period]
@@ -116,6 +153,7 @@ def _memory(parts: PilotParts) -> dict[str, int]:
         "MEASUREMENTS": measurements,
         "KNOWN": 2 * measurements,
         "NAVIGATIONS": 8 + math.ceil(NAVIGATION_HZ * (parts.late + parts.navigation_gap)),
+        "COMMANDS": 8 + math.ceil(COMMANDS_HZ * (parts.period + parts.navigation_gap)),
     }
 
 
@@ -148,6 +186,8 @@ _SIZES = {
     "MEASUREMENTS": "measurements that can wait for a command",
     "KNOWN": "measurements remembered to find duplicates",
     "NAVIGATIONS": "navigations remembered",
+    "COMMANDS": "commands remembered where the current is estimated",
+    "CURRENT": "of the water: 0 none, 1 given, 2 estimated",
 }
 
 _SETTINGS = {
@@ -170,6 +210,11 @@ _SETTINGS = {
     "startup_opening": "part of it that leads away, m/s",
     "startup_leg": "s after which it is crossed the other way",
     "axis": "about which it is crossed in space",
+    "current": "of the water over ground, m/s; before anything is known where it is estimated",
+    "current_std": "its deviation on each axis then, m/s",
+    "current_drift": "deviation in m/s by which it wanders in a second",
+    "acceleration_std": "of what neither thrust nor drag explains, m/s^2",
+    "acceleration_share": "part of the acceleration that is added to that",
 }
 
 _DOUBLES = (
@@ -201,6 +246,8 @@ GBT_END_C
 _SOURCE = """/* Generated: settings of one pilot. */
 #include "gbt_pilot_settings.h"
 
+#include "gbt_current.h"
+#include "gbt_math.h"
 #include "gbt_sighting.h"
 #include "gbt_tracker.h"
 
@@ -213,4 +260,4 @@ const gbt_{kind}_settings gbt_tracker_settings = {{
 const gbt_sensor gbt_listed_sensors[] = {{{sensors}}};
 
 const char *const gbt_sensor_names[] = {{{names}}};
-"""
+{model}"""

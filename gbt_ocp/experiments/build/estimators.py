@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from gbt_ocp.experiments.config import tracker as sections
-from gbt_ocp.experiments.config.noise import NoiseSection, NoisyBearingsSection
+from gbt_ocp.experiments.config.noise import NoiseSection, NoisyBearingsSection, filter_std
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.tracking.displacement.hypotheses import MotionPriors
 from gbt_ocp.tracking.displacement.tracker import NoisyGaussianProcessTracker
@@ -115,8 +115,9 @@ def configured_noise(section: sections.TrackerSection, sensor: BearingSensor) ->
     if isinstance(section, sections.GaussianProcessSection):
         noisy = noise_of(section, sensor)
         return None if noisy is None else _noise(noisy, sensor)
-    deviation = getattr(section, "bearing_std_deg", None)
-    return None if deviation is None else BearingNoise(math.radians(deviation))
+    return (
+        BearingNoise(filter_std(section.bearing_std_deg, sensor.noise)) if hasattr(section, "bearing_std_deg") else None
+    )
 
 
 def coregionalized(
@@ -281,7 +282,7 @@ def pseudo_linear(
         _ranged(section, prior),
         initial_variance=section.initial_variance,
         process_noise=section.process_noise,
-        bearing_std=math.radians(section.bearing_std_deg),
+        bearing_std=filter_std(section.bearing_std_deg, sensor.noise),
         bias_compensated=section.bias_compensated,
     )
 
@@ -293,7 +294,7 @@ def imm_pseudo_linear(
     return ImmPseudoLinearTracker(
         _ranged(section, prior),
         _models(section),
-        bearing_std=math.radians(section.bearing_std_deg),
+        bearing_std=filter_std(section.bearing_std_deg, sensor.noise),
         initial_variance=section.initial_variance,
     )
 
@@ -308,7 +309,7 @@ def extended(
     return made(
         _first_guess(section, prior),
         process_noise=section.process_noise,
-        bearing_std=math.radians(section.bearing_std_deg),
+        bearing_std=filter_std(section.bearing_std_deg, sensor.noise),
         size=_size_prior(section.size),
     )
 
@@ -320,7 +321,7 @@ def imm_extended(
     return ImmExtendedTracker(
         _first_guess(section, prior),
         _models(section),
-        bearing_std=math.radians(section.bearing_std_deg),
+        bearing_std=filter_std(section.bearing_std_deg, sensor.noise),
         size=_size_prior(section.size),
     )
 

@@ -1,16 +1,39 @@
-"""From the section ``limits`` to constraints of the trajectory problem."""
+"""From the section ``limits``, and what effort costs, to constraints of the trajectory problem."""
 
 from __future__ import annotations
 
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from gbt_ocp.experiments.config.limits import LIMIT_KINDS, LimitsSection
+from gbt_ocp.experiments.config.planner import PlannerSection
 from gbt_ocp.guidance.current import Current
 from gbt_ocp.guidance.water import OverGround
-from gbt_ocp.ocp import PathConstraint
+from gbt_ocp.ocp import PathConstraint, ThrustChange, ThrustEffort
 from gbt_ocp.ocp.verbs import PosingVerbs
 
 Posed = TypeVar("Posed", bound=PosingVerbs)
+
+EFFORT_NODES = 2
+"""Intervals a piece over which the effort is summed: it is a parabola in the thrust, which varies little in one."""
+
+
+def with_effort(problem: Posed, section: PlannerSection, vehicle: Any) -> Posed:
+    """The problem with what thrust and its changes cost, as far as the section weighs them.
+
+    Raises
+    ------
+    ValueError
+        If changes are to count where the thrust jumps.
+    """
+    if section.effort > 0.0:
+        effort, width = ThrustEffort(vehicle), ThrustEffort.WIDTH
+        problem = problem.subject_to_penalty(effort, weight=4.0 * section.effort, width=width, nodes=EFFORT_NODES)
+    if section.effort_rate > 0.0:
+        # the parabola holds up to a change from one limit to the other within a piece
+        change = ThrustChange(vehicle, reach=2.0 / problem.period)
+        weight, width = change.weight(section.effort_rate), change.width
+        problem = problem.subject_to_penalty(change, weight=weight, width=width, nodes=EFFORT_NODES)
+    return problem
 
 
 def with_limits(problem: Posed, section: LimitsSection, current: Current | None = None) -> Posed:

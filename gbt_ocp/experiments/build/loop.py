@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from gbt_ocp.experiments.build.desired import build_desired_bearing
-from gbt_ocp.experiments.build.limits import with_limits
+from gbt_ocp.experiments.build.limits import with_effort, with_limits
 from gbt_ocp.experiments.build.objective import build_hypotheses, build_joint, build_objective, build_past, build_path
 from gbt_ocp.experiments.build.plant import build_plant
 from gbt_ocp.experiments.build.sensors import build_sensor, build_sensors
@@ -46,15 +46,12 @@ from gbt_ocp.models.model_checks import check_target, check_vehicle
 from gbt_ocp.models.targets import Target, TrackTarget, case_target
 from gbt_ocp.models.turning import TurningTarget
 from gbt_ocp.models.vehicles import Vehicle
-from gbt_ocp.ocp import AnyPlanner, ShootingProblem, ThrustEffort, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp import AnyPlanner, ShootingProblem, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.follower import BANDWIDTH
 from gbt_ocp.ocp.problem_data import joined_derivatives
 from gbt_ocp.simulation.loop import ClosedLoop
 from gbt_ocp.tracking.protocol import PositionTracker, Tracker
 from gbt_ocp.typing import Array
-
-EFFORT_NODES = 2
-"""Intervals a piece over which the effort is summed: it is a parabola in the thrust, which varies little in one."""
 
 
 @dataclass(frozen=True)
@@ -182,9 +179,7 @@ def build_problem(
         problem = problem.subject_to(limit, nodes=section.nodes)
     else:
         problem = problem.subject_to_penalty(limit, weight=section.weight, width=section.width, nodes=section.nodes)
-    if section.effort > 0.0:
-        effort, width = ThrustEffort(vehicle), ThrustEffort.WIDTH
-        problem = problem.subject_to_penalty(effort, weight=4.0 * section.effort, width=width, nodes=EFFORT_NODES)
+    problem = with_effort(problem, section, vehicle)
     problem = with_limits(problem, configuration.limits, current)
     more = configuration.problem_object.constrain
     if more is None:

@@ -68,6 +68,7 @@ def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
     if degree is not None and continuity is not None and continuity >= degree >= 2:
         allowed = f"null, or a whole number from 1 to planner.degree - 1 = {degree - 1}"
         yield Fault(("planner", "continuity"), shown(continuity), allowed)
+    yield from _changes(merged, degree, continuity)
     duration = _number(merged, ("duration_s",), Configuration.model_fields["duration_s"].default)
     period = _as_number(sampling_period(merged))
     steps = 1.0
@@ -102,6 +103,16 @@ def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
     if duration is not None and period is not None and period > 0.0 and too_many(duration, period, MOST_STEPS):
         allowed = f"at most {MOST_STEPS} sampling periods, {MOST_STEPS * period:.6g} s"
         yield Fault(("duration_s",), shown(duration), allowed)
+
+
+def _changes(merged: Mapping[str, Any], degree: float | None, continuity: float | None) -> Iterator[Fault]:
+    """A weight of changes of the thrust where it both jumps and changes within a piece."""
+    rate = _number(merged, ("planner", "effort_rate"), 0.0)
+    if value_at(merged, ("planner", "form")) == "shooting" or degree is None or not rate:
+        return
+    if continuity == 1 and degree > 2:
+        allowed = "0 with planner.continuity: 1 and a degree above 2; a number >= 0 with others, or form: shooting"
+        yield Fault(("planner", "effort_rate"), shown(rate), allowed)
 
 
 def _one_of(merged: Mapping[str, Any], path: tuple[str, ...], first: str, second: str) -> Iterator[Fault]:

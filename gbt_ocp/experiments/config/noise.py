@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 from pydantic import Field
 
 from gbt_ocp.experiments.config.keys import Section, key
+
+LEAST_STD_DEG = 0.1
+"""Least noise of a bearing in degrees that a Kalman filter is given where the configuration states none."""
+
+
+def filter_std(stated_deg: float | None, sensor: float) -> float:
+    """σ in radians of a bearing for a Kalman filter: what is stated in degrees, or that of the sensor in radians."""
+    return max(sensor, math.radians(LEAST_STD_DEG)) if stated_deg is None else math.radians(stated_deg)
 
 
 class NoiseSection(Section):

@@ -96,6 +96,12 @@ class PlannerSection(Section):
     effort: float = key(
         0.0, "Weight of the effort, taken off the objective: 1/s of the integral of Σ(τ/τ_max)² over the plan.", ge=0.0
     )
+    effort_rate: float = key(
+        0.0,
+        "Weight in s² of changes of the thrust, taken off the objective: 1/s of the integral of Σ(dτ/dt/τ_max)² over "
+        "the plan; of pieces of degree 2 the steps between them count. Not with continuity: 1 and a degree above 2.",
+        ge=0.0,
+    )
     range_pull: float = key(0.2, "Weight of the pull towards the target; 0.02 in preset paper.", ge=0.0)
     range_reference_m: float = key(1.0, "Range in m below which the pull fades.", gt=0.0)
     solver: Literal["auto", "compiled", "ipopt"] = key("auto", "Solver of the NLP.")

@@ -19,7 +19,7 @@ from gbt_ocp.experiments.config.keys import (
     as_tuples,
     key,
 )
-from gbt_ocp.experiments.config.noise import NoiseSection, NoisyBearingsSection
+from gbt_ocp.experiments.config.noise import LEAST_STD_DEG, NoiseSection, NoisyBearingsSection
 
 SizeNumbers = Annotated[tuple[Positive, ...], Field(min_length=2, max_length=2), BeforeValidator(as_tuples)]
 
@@ -245,6 +245,15 @@ class OrthogonalityVelocitySection(BaselineSection):
     velocity_gain: float = key(0.1, "Gain on the velocity in 1/s^2 (c2).", gt=0.0)
 
 
+def _bearing_std() -> Any:
+    return key(
+        None,
+        f"Assumed noise of a bearing in degrees; null is that of the sensor, and at least {LEAST_STD_DEG}.",
+        "null, or a number > 0",
+        gt=0.0,
+    )
+
+
 class FilterSection(BaselineSection):
     """What the Kalman filters share."""
 
@@ -260,7 +269,7 @@ class PseudoLinearSection(FilterSection):
     """Pseudo-linear Kalman filter."""
 
     kind: Literal["plkf"] = key(..., "Pseudo-linear Kalman filter.")
-    bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", gt=0.0)
+    bearing_std_deg: float | None = _bearing_std()
     bias_compensated: bool = key(False, "Whether the bias of the update is taken off.")
 
 
@@ -276,7 +285,7 @@ class InteractingPseudoLinearSection(InteractingModelsSection):
     """Interacting multiple models with pseudo-linear updates."""
 
     kind: Literal["imm_plkf"] = key(..., "Interacting models, bearings.")
-    bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", gt=0.0)
+    bearing_std_deg: float | None = _bearing_std()
 
 
 class InteractingPositionSection(InteractingModelsSection):
@@ -296,7 +305,7 @@ class ExtendedSection(BaselineSection):
     process_noise: float = key(
         0.1, "q, spectral density of the acceleration in m^2/s^3 under constant velocity.", gt=0.0
     )
-    bearing_std_deg: float = key(0.1, "Assumed noise of a bearing in degrees.", gt=0.0)
+    bearing_std_deg: float | None = _bearing_std()
     size: SizeNumbers | None = _size()
 
 

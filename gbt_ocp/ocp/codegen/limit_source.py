@@ -11,7 +11,7 @@ import numpy as np
 
 from gbt_ocp.ocp.codegen.expressions import c_array, c_function
 from gbt_ocp.ocp.codegen.places import Placed, placed
-from gbt_ocp.ocp.forms import FlatForm, ShootingForm
+from gbt_ocp.ocp.forms import FlatForm, LimitGrid, ShootingForm
 from gbt_ocp.ocp.limit_classes import hard_weights, limit_class
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem
 from gbt_ocp.ocp.terms import Constraint
@@ -130,7 +130,7 @@ def limit_in_c(
     placing = placing_in_c(name, form, curve_rows, curve_columns)
     at_nodes = form.node_tables(shares) if isinstance(form, FlatForm) else {}
     sides = _sides(constraint, at.shift)
-    weights, widths = _penalty(problem, number, limit, [side[0] for side in sides], grid.share)
+    weights, widths = _penalty(problem, number, limit, [side[0] for side in sides], grid)
     tables: Sequence[tuple[str, str, Any]] = (
         ("int", "side_row", [side[0] for side in sides]),
         ("gbt_real", "side_sign", [side[1] for side in sides]),
@@ -167,11 +167,11 @@ def limit_in_c(
 
 
 def _penalty(
-    problem: PosedProblem, number: int, limit: HardLimit | PenaltyLimit, rows: list[int], share: float
+    problem: PosedProblem, number: int, limit: HardLimit | PenaltyLimit, rows: list[int], grid: LimitGrid
 ) -> tuple[list[float], list[float]]:
     """Weight at an inner node and half width of each side, with the constraint normalised by its scale."""
     if isinstance(limit, HardLimit):
         return [hard_weights(problem)[number]] * len(rows), [0.0] * len(rows)
     scale = limit.constraint.scale[rows]
-    step = share * problem.period / limit.nodes
+    step = grid.share * problem.period / grid.intervals
     return (limit.weight * step * scale).tolist(), (limit.width / scale).tolist()

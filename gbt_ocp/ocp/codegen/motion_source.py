@@ -37,7 +37,7 @@ def _flat(problem: PosedProblem, form: FlatForm) -> MotionInC:
     vehicle, size = problem.vehicle, problem.vehicle.flat_dimension
     z, dz, thrust = ca.SX.sym("z", size), ca.SX.sym("dz", size), ca.SX.sym("thrust", len(vehicle.thrust_max))
     functions = [
-        c_function("gbt_vehicle_inputs", [form.point], vehicle.inputs(*ca.vertsplit(form.point, size))),
+        c_function("gbt_vehicle_inputs", [form.point], vehicle.inputs(*ca.vertsplit(form.point, size)[:3])),
         c_function("gbt_vehicle_acceleration", [z, dz, thrust], acceleration(vehicle, z, dz, thrust)),
     ]
     tables = c_array("gbt_real", "gbt_acceleration_scale", vehicle.acceleration_scale, const="const")
@@ -45,6 +45,8 @@ def _flat(problem: PosedProblem, form: FlatForm) -> MotionInC:
     sizes = FLAT_FORM.format(
         degree=problem.degree,
         joined=problem.joined,
+        seen=form.seen,
+        remembered=int(problem.remembers),
         taylor=c_numbers([float(problem.period) ** k / factorial(k) for k in orders]),
     )
     return MotionInC(sizes, functions, tables, 0)

@@ -11,9 +11,9 @@ from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_array, c_functi
 from gbt_ocp.ocp.codegen.limit_source import nonzeros, placing_in_c
 from gbt_ocp.ocp.codegen.places import placed
 from gbt_ocp.ocp.forms import FlatForm, ShootingForm
+from gbt_ocp.ocp.objective_total import stacked_size
 from gbt_ocp.ocp.problem_data import PosedProblem
 from gbt_ocp.ocp.terms import AccumulatedObjective, JointObjective
-from gbt_ocp.ocp.transcription import stacked_size
 
 
 @dataclass(frozen=True)

@@ -158,6 +158,8 @@ FLAT_FORM = """#define GBT_SHOOTING 0
 #define GBT_STEPS 1
 #define GBT_DEGREE {degree}            /* L, degree of the polynomials */
 #define GBT_JOINED {joined}            /* derivatives 0 .. that a piece takes over from the one before */
+#define GBT_REMEMBERED {remembered}        /* 1 where a piece knows the lowest free derivative of the one before */
+#define GBT_SEEN {seen}              /* derivatives 0 .. that objective and limits look at at a point */
 #define GBT_TAYLOR {taylor} /* T^k / k!: what is in a derivative at the end of a piece of the one k above it */
 """
 """Sizes of the flat form."""

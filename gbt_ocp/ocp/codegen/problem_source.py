@@ -19,8 +19,9 @@ from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.problem_header import HEADER
 from gbt_ocp.ocp.forms import form_of
 from gbt_ocp.ocp.limit_classes import limit_names
+from gbt_ocp.ocp.objective_total import stacked_size
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ShootingData
-from gbt_ocp.ocp.transcription import limit_size, stacked_size
+from gbt_ocp.ocp.transcription import limit_size
 
 
 @dataclass(frozen=True)

@@ -82,7 +82,7 @@ def write_c(
         texts = {f"src/{name}": text for name, text in sources.items()}
         texts |= programs | {name: _template(name) for name in ("Makefile", "example.c")}
         texts |= {"vectors.h": vectors.header, "CMakeLists.txt": _cmake_lists(sources, sorted(texts))}
-        _write(draft, texts, prefix)
+        write_texts(draft, texts, prefix)
         manifest = {
             "versions": {"gbt_ocp": version("gbt_ocp"), "casadi": ca.CasadiMeta.version()},
             "prefix": prefix,
@@ -100,13 +100,13 @@ def write_c(
             "vectors": len(vectors.statuses),
             "sizes": _sizes(draft, prefix),
         }
-        _write(draft, {"README.md": _readme(manifest)}, prefix)
+        write_texts(draft, {"README.md": _readme(manifest)}, prefix)
         manifest["sha256"] = {
             str(path.relative_to(draft)): hashlib.sha256(path.read_bytes()).hexdigest()
             for path in sorted(draft.rglob("*"))
             if path.is_file()
         }
-        _write(draft, {"manifest.json": json.dumps(manifest, indent=2) + "\n"}, "")
+        write_texts(draft, {"manifest.json": json.dumps(manifest, indent=2) + "\n"}, "")
     return target
 
 
@@ -132,7 +132,8 @@ def _template(name: str) -> str:
     return packaged_text("gbt_ocp.ocp.export", "templates", name)
 
 
-def _write(folder: Path, texts: Mapping[str, str], prefix: str) -> None:
+def write_texts(folder: Path, texts: Mapping[str, str], prefix: str) -> None:
+    """Write texts by the name of their file, names in both with the prefix."""
     for name, text in texts.items():
         path = folder / prefixed(name, prefix)
         path.parent.mkdir(parents=True, exist_ok=True)

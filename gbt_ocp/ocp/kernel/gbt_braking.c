@@ -43,20 +43,20 @@ static void project(gbt_piece piece, int k, gbt_real share, const gbt_real *poin
         within[j] = (within[j] - point[2 * GBT_FLAT + j]) / power[GBT_JOINED - 2];
         if (!isfinite(within[j])) finite = 0;
     }
-    for (int j = 0; j < GBT_FLAT && finite; j++) piece[GBT_JOINED][j] += share * within[j];
+    for (int j = 0; j < GBT_FLAT && finite; j++) piece[GBT_ROW(GBT_JOINED)][j] += share * within[j];
 }
 
-/* The best of a few rounds from piece[GBT_JOINED], into best; returns by how much its thrust exceeds the limits. */
+/* The best of a few rounds from the one that the piece has, into best; returns by how much its thrust exceeds the limits. */
 static gbt_real projected(gbt_piece piece, gbt_real best[GBT_FLAT])
 {
     gbt_real point[GBT_POINT], thrust[GBT_INPUTS], least = GBT_INFINITY, share = 1;
-    for (int j = 0; j < GBT_FLAT; j++) best[j] = piece[GBT_JOINED][j];
+    for (int j = 0; j < GBT_FLAT; j++) best[j] = piece[GBT_ROW(GBT_JOINED)][j];
     for (int round = 0; round < ROUNDS; round++) {
         gbt_real worst = 0;
         for (int k = FIRST; k < POINTS; k++) worst = gbt_fmax(worst, excess(piece, k, point, thrust));
         if (worst <= 0 || worst < least - PROGRESS) {
             least = worst;
-            for (int j = 0; j < GBT_FLAT; j++) best[j] = piece[GBT_JOINED][j];
+            for (int j = 0; j < GBT_FLAT; j++) best[j] = piece[GBT_ROW(GBT_JOINED)][j];
         } else {
             share /= 2;
         }
@@ -82,7 +82,7 @@ static void brake_piece(gbt_piece piece)
         }
         gbt_settle(piece, start == 0 ? 1 : 2, start == 0 ? rest : drift);
         const gbt_real broken = projected(piece, found);
-        for (int j = 0; j < GBT_FLAT; j++) piece[GBT_JOINED][j] = found[j];
+        for (int j = 0; j < GBT_FLAT; j++) piece[GBT_ROW(GBT_JOINED)][j] = found[j];
         gbt_next_piece(piece, next);
         for (int j = 0; j < GBT_FLAT; j++) {
             const gbt_real scaled = next[1][j] / gbt_acceleration_scale[j];
@@ -95,7 +95,7 @@ static void brake_piece(gbt_piece piece)
         }
         if (broken <= 0) break;
     }
-    for (int j = 0; j < GBT_FLAT; j++) piece[GBT_JOINED][j] = best[j];
+    for (int j = 0; j < GBT_FLAT; j++) piece[GBT_ROW(GBT_JOINED)][j] = best[j];
 }
 
 void gbt_brake(const gbt_real *start, gbt_real *top)

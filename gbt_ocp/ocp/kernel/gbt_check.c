@@ -88,7 +88,7 @@ void gbt_check(const gbt_real *start, const gbt_real *top, int pieces, int point
 void gbt_broken_at_start(const gbt_real *start, const gbt_real *moving, gbt_real violation[GBT_LIMITS + 1])
 {
     gbt_real place[GBT_PLACE];
-    for (int a = 0; a < GBT_POINT; a++) place[a] = a < GBT_STATE ? start[a] : 0;
+    for (int a = 0; a < GBT_POINT; a++) place[a] = a < GBT_MOTION ? start[a] : 0;
     gbt_moving_at(moving, 0, place);
     for (int q = 0; q < GBT_LIMITS; q++)
         violation[q] = gbt_limits[q].given ? worst_of(&gbt_limits[q], place, 0) : 0;

@@ -14,7 +14,7 @@ void gbt_follow_init(gbt_follower *follower, gbt_real bandwidth)
 
 void gbt_follow_plan(gbt_follower *follower, const gbt_real *state, const gbt_real *top)
 {
-    for (int a = 0; a < GBT_STATE; a++) follower->start[a / GBT_FLAT][a % GBT_FLAT] = state[a];
+    for (int a = 0; a < GBT_MOTION; a++) follower->start[a / GBT_FLAT][a % GBT_FLAT] = state[a];
     for (int a = 0; a < GBT_PIECES * GBT_FREE; a++) follower->top[a / GBT_FREE][a % GBT_FREE] = top[a];
     follower->planned = 1;
 }
@@ -26,8 +26,9 @@ static int piece_at(const gbt_follower *follower, gbt_real elapsed, gbt_real pie
     const gbt_real pieces = elapsed / GBT_PERIOD + SAME_TIME;
     if (!follower->planned || pieces < 0 || pieces > GBT_PIECES + 2 * SAME_TIME) return 0;
     const int number = pieces < GBT_PIECES ? (int)pieces : GBT_PIECES - 1;
-    for (int l = 0; l < GBT_JOINED; l++)
-        for (int j = 0; j < GBT_FLAT; j++) piece[l][j] = l == 0 && j < GBT_DIMENSION ? 0 : follower->start[l][j];
+    for (int l = 0; l < GBT_JOINED + GBT_REMEMBERED; l++)
+        for (int j = 0; j < GBT_FLAT; j++)
+            piece[l][j] = l == GBT_JOINED || (l == 0 && j < GBT_DIMENSION) ? 0 : follower->start[l][j];
     for (int i = 0;; i++) {
         for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = follower->top[i][a];
         if (i == number) break;

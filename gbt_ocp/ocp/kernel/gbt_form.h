@@ -20,7 +20,7 @@ static inline gbt_real *gbt_free(gbt_piece piece, int a) { return &piece[GBT_STA
 static inline gbt_real *gbt_inherited(gbt_piece piece, int a) { return &piece[a / GBT_FLAT][a % GBT_FLAT]; }
 static inline gbt_real *gbt_free(gbt_piece piece, int a)
 {
-    return &piece[GBT_JOINED + a / GBT_FLAT][a % GBT_FLAT];
+    return &piece[GBT_ROW(GBT_JOINED) + a / GBT_FLAT][a % GBT_FLAT];
 }
 #endif
 

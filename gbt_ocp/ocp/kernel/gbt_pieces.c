@@ -6,30 +6,37 @@
 void gbt_taylor(gbt_real s, gbt_real power[GBT_ORDERS])
 {
     power[0] = 1;
-    for (int k = 1; k < GBT_ORDERS; k++) power[k] = power[k - 1] * s / (gbt_real)k;
+    for (int k = 1; k < GBT_DERIVATIVES; k++) power[k] = power[k - 1] * s / (gbt_real)k;
 }
 
 /* The same at the end of a piece. */
-static const gbt_real at_end[GBT_ORDERS] = GBT_TAYLOR;
+static const gbt_real at_end[GBT_DERIVATIVES] = GBT_TAYLOR;
 
 static void point_at(gbt_piece piece, const gbt_real *power, gbt_real *point)
 {
-    for (int o = 0; o < 3; o++)
+    for (int o = 0; o < GBT_SEEN - GBT_REMEMBERED; o++)
         for (int j = 0; j < GBT_FLAT; j++) {
-            gbt_real value = piece[o][j];
-            for (int k = 1; o + k < GBT_ORDERS; k++) value += power[k] * piece[o + k][j];
+            gbt_real value = piece[GBT_ROW(o)][j];
+            for (int k = 1; o + k < GBT_DERIVATIVES; k++) value += power[k] * piece[GBT_ROW(o + k)][j];
             point[o * GBT_FLAT + j] = value;
         }
+#if GBT_REMEMBERED
+    for (int j = 0; j < GBT_FLAT; j++) point[3 * GBT_FLAT + j] = piece[GBT_JOINED][j];
+#endif
 }
 
 static void add_transposed(const gbt_real *power, const gbt_real *point, gbt_piece piece)
 {
-    for (int l = 0; l < GBT_ORDERS; l++)
+    for (int l = 0; l < GBT_DERIVATIVES; l++)
         for (int j = 0; j < GBT_FLAT; j++) {
-            gbt_real value = piece[l][j];
-            for (int o = 0; o < 3 && o <= l; o++) value += power[l - o] * point[o * GBT_FLAT + j];
-            piece[l][j] = value;
+            gbt_real value = piece[GBT_ROW(l)][j];
+            for (int o = 0; o < GBT_SEEN - GBT_REMEMBERED && o <= l; o++)
+                value += power[l - o] * point[o * GBT_FLAT + j];
+            piece[GBT_ROW(l)][j] = value;
         }
+#if GBT_REMEMBERED
+    for (int j = 0; j < GBT_FLAT; j++) piece[GBT_JOINED][j] += point[3 * GBT_FLAT + j];
+#endif
 }
 
 void gbt_point_after(gbt_piece piece, gbt_real s, gbt_real *point)
@@ -48,7 +55,7 @@ void gbt_place_after(gbt_piece piece, gbt_real share, gbt_real *place)
 static void place_at(const gbt_workspace *work, gbt_piece piece[], int i, const gbt_limit *limit, int k,
                      gbt_real *place)
 {
-    point_at(piece[i], limit->taylor + k * GBT_ORDERS, place);
+    point_at(piece[i], limit->taylor + k * GBT_DERIVATIVES, place);
     gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, limit->share[k], place);
 }
 
@@ -57,9 +64,12 @@ void gbt_next_piece(gbt_piece piece, gbt_piece next)
     for (int o = 0; o < GBT_JOINED; o++)
         for (int j = 0; j < GBT_FLAT; j++) {
             gbt_real value = piece[o][j];
-            for (int k = 1; o + k < GBT_ORDERS; k++) value += at_end[k] * piece[o + k][j];
+            for (int k = 1; o + k < GBT_DERIVATIVES; k++) value += at_end[k] * piece[GBT_ROW(o + k)][j];
             next[o][j] = value;
         }
+#if GBT_REMEMBERED
+    for (int j = 0; j < GBT_FLAT; j++) next[GBT_JOINED][j] = piece[GBT_ROW(GBT_JOINED)][j];
+#endif
 }
 
 void gbt_propagate(gbt_piece piece[], int pieces)
@@ -82,7 +92,7 @@ void gbt_settle(gbt_piece piece, int first, const gbt_real *aim)
         for (int i = 0; i < inherited; i++)
             value -= gain[inherited - 1][i] * (piece[first + i][j] - (i == 0 ? aim[j] : 0)) /
                      gbt_pow(GBT_PERIOD, (gbt_real)(inherited - i));
-        piece[GBT_JOINED][j] = value;
+        piece[GBT_ROW(GBT_JOINED)][j] = value;
     }
 }
 
@@ -121,8 +131,11 @@ void gbt_adjoint(const gbt_workspace *work, gbt_piece gradient[], gbt_real out[]
     for (int i = work->pieces - 1; i >= 0; i--) {
         for (int a = 0; a < GBT_FREE; a++) out[i][a] = *gbt_free(gradient[i], a);
         for (int o = 0; o < GBT_JOINED && i > 0; o++)
-            for (int k = 0; o + k < GBT_ORDERS; k++)
-                for (int j = 0; j < GBT_FLAT; j++) gradient[i - 1][o + k][j] += at_end[k] * gradient[i][o][j];
+            for (int k = 0; o + k < GBT_DERIVATIVES; k++)
+                for (int j = 0; j < GBT_FLAT; j++) gradient[i - 1][GBT_ROW(o + k)][j] += at_end[k] * gradient[i][o][j];
+#if GBT_REMEMBERED
+        for (int j = 0; j < GBT_FLAT && i > 0; j++) gradient[i - 1][GBT_ROW(GBT_JOINED)][j] += gradient[i][GBT_JOINED][j];
+#endif
     }
 }
 
@@ -223,7 +236,7 @@ void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_piece o
                 for (int r = 0; r < limit->rows; r++) row[r] = 0;
                 for (int r = 0; r < limit->sides; r++) row[limit->row[r]] += limit->sign[r] * sides[r];
                 limit->pull(jacobian, row, 0, slope);
-                add_transposed(limit->taylor + k * GBT_ORDERS, slope, sum);
+                add_transposed(limit->taylor + k * GBT_DERIVATIVES, slope, sum);
                 sides += limit->sides;
                 jacobian += limit->jacobian_entries;
             }
@@ -242,7 +255,7 @@ void gbt_push_forward(gbt_workspace *work)
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
             for (int k = 0; k < limit->nodes; k++) {
-                point_at(work->step[i], limit->taylor + k * GBT_ORDERS, point);
+                point_at(work->step[i], limit->taylor + k * GBT_DERIVATIVES, point);
                 limit->push(jacobian, point, 0, row);
                 for (int r = 0; r < limit->sides; r++) *dy++ = limit->sign[r] * row[limit->row[r]];
                 jacobian += limit->jacobian_entries;

@@ -10,7 +10,7 @@
 
 #include "gbt_math.h"
 
-static const gbt_real at_end[GBT_ORDERS] = GBT_TAYLOR;
+static const gbt_real at_end[GBT_DERIVATIVES] = GBT_TAYLOR;
 
 /* h = H + M' P M, where the next state is M times the numbers of the piece. */
 static void add_rest(gbt_real rest[GBT_STATE][GBT_STATE], gbt_real own[GBT_PIECE][GBT_PIECE],
@@ -18,18 +18,32 @@ static void add_rest(gbt_real rest[GBT_STATE][GBT_STATE], gbt_real own[GBT_PIECE
 {
     gbt_real product[GBT_STATE][GBT_PIECE]; /* P M */
     for (int row = 0; row < GBT_STATE; row++)
-        for (int l = 0; l < GBT_ORDERS; l++)
+        for (int l = 0; l < GBT_DERIVATIVES; l++)
             for (int j = 0; j < GBT_FLAT; j++) {
                 gbt_real value = rest[row][j] * at_end[l];
                 for (int o = 1; o < GBT_JOINED && o <= l; o++) value += rest[row][o * GBT_FLAT + j] * at_end[l - o];
-                product[row][l * GBT_FLAT + j] = value;
+                product[row][GBT_ROW(l) * GBT_FLAT + j] = value;
             }
-    for (int l = 0; l < GBT_ORDERS; l++)
+#if GBT_REMEMBERED /* of the next piece it is the lowest free derivative of this one; that of this one ends with it */
+    for (int row = 0; row < GBT_STATE; row++)
         for (int j = 0; j < GBT_FLAT; j++) {
-            gbt_real *to = h[l * GBT_FLAT + j];
-            for (int c = 0; c < GBT_PIECE; c++) to[c] = own[l * GBT_FLAT + j][c] + at_end[l] * product[j][c];
+            product[row][GBT_JOINED * GBT_FLAT + j] = 0;
+            product[row][GBT_ROW(GBT_JOINED) * GBT_FLAT + j] += rest[row][GBT_JOINED * GBT_FLAT + j];
+        }
+    for (int j = 0; j < GBT_FLAT; j++)
+        for (int c = 0; c < GBT_PIECE; c++)
+            h[GBT_JOINED * GBT_FLAT + j][c] = own[GBT_JOINED * GBT_FLAT + j][c];
+#endif
+    for (int l = 0; l < GBT_DERIVATIVES; l++)
+        for (int j = 0; j < GBT_FLAT; j++) {
+            const int row = GBT_ROW(l) * GBT_FLAT + j;
+            gbt_real *to = h[row];
+            for (int c = 0; c < GBT_PIECE; c++) to[c] = own[row][c] + at_end[l] * product[j][c];
             for (int o = 1; o < GBT_JOINED && o <= l; o++)
                 for (int c = 0; c < GBT_PIECE; c++) to[c] += at_end[l - o] * product[o * GBT_FLAT + j][c];
+#if GBT_REMEMBERED
+            for (int c = 0; c < GBT_PIECE && l == GBT_JOINED; c++) to[c] += product[GBT_JOINED * GBT_FLAT + j][c];
+#endif
         }
 }
 
@@ -39,7 +53,7 @@ static void damp(gbt_real delta, gbt_real damping[GBT_PIECE])
     for (int a = 0; a < GBT_PIECE; a++) damping[a] = 0;
     gbt_real reach[GBT_FLAT]; /* what an input of one changes a derivative by within a piece */
     for (int j = 0; j < GBT_FLAT; j++) reach[j] = gbt_input_scale[j];
-    for (int a = GBT_STATE - 1; a >= GBT_FLAT && delta > 0; a--) {
+    for (int a = GBT_MOTION - 1; a >= GBT_FLAT && delta > 0; a--) {
         reach[a % GBT_FLAT] *= GBT_PERIOD;
         damping[a] = delta / (reach[a % GBT_FLAT] * reach[a % GBT_FLAT]);
     }
@@ -52,7 +66,7 @@ static void damp(gbt_real delta, gbt_real damping[GBT_PIECE])
 static void add_piece(gbt_workspace *work, int i, const gbt_real damping[GBT_PIECE],
                       gbt_real rest[GBT_STATE][GBT_STATE], gbt_real h[GBT_PIECE][GBT_PIECE])
 {
-    for (int a = GBT_FLAT; a < GBT_STATE; a++) rest[a][a] += damping[a];
+    for (int a = GBT_FLAT; a < GBT_MOTION; a++) rest[a][a] += damping[a];
     add_rest(rest, work->curvature[i], h);
     for (int a = GBT_STATE + GBT_FLAT; a < GBT_PIECE; a++) h[a][a] += damping[a];
 }
@@ -78,8 +92,11 @@ void gbt_end_slopes(const gbt_workspace *work, int i, gbt_real slopes[GBT_STATE]
     (void)work;
     (void)i;
     for (int a = 0; a < GBT_STATE; a++) {
+        const int o = a / GBT_FLAT, j = a % GBT_FLAT;
         for (int c = 0; c < GBT_PIECE; c++) slopes[a][c] = 0;
-        for (int k = 0; a + k * GBT_FLAT < GBT_PIECE; k++) slopes[a][a + k * GBT_FLAT] = at_end[k];
+        if (o == GBT_JOINED) slopes[a][GBT_ROW(GBT_JOINED) * GBT_FLAT + j] = 1;
+        for (int k = 0; o < GBT_JOINED && o + k < GBT_DERIVATIVES; k++)
+            slopes[a][GBT_ROW(o + k) * GBT_FLAT + j] = at_end[k];
     }
 }
 #else
@@ -107,11 +124,17 @@ void gbt_newton_step(gbt_workspace *work, gbt_piece gradient[])
             for (int j = 0; j < GBT_FLAT; j++) {
                 gbt_real slope = gradient[i][o][j];
                 for (int k = 0; k < GBT_FREE; k++) slope += work->gain[i][k][o * GBT_FLAT + j] * push[k];
-                for (int k = 0; o + k < GBT_ORDERS; k++) gradient[i - 1][o + k][j] += at_end[k] * slope;
+                for (int k = 0; o + k < GBT_DERIVATIVES; k++) gradient[i - 1][GBT_ROW(o + k)][j] += at_end[k] * slope;
             }
+#if GBT_REMEMBERED
+        for (int j = 0; j < GBT_FLAT; j++) {
+            gbt_real slope = gradient[i][GBT_JOINED][j];
+            for (int k = 0; k < GBT_FREE; k++) slope += work->gain[i][k][GBT_JOINED * GBT_FLAT + j] * push[k];
+            gradient[i - 1][GBT_ROW(GBT_JOINED)][j] += slope;
+        }
+#endif
     }
-    for (int o = 0; o < GBT_JOINED; o++)
-        for (int j = 0; j < GBT_FLAT; j++) work->step[0][o][j] = 0;
+    for (int a = 0; a < GBT_STATE; a++) *gbt_inherited(work->step[0], a) = 0;
     for (int i = 0; i < work->pieces; i++) {
         gbt_real free[GBT_FREE];
         for (int a = 0; a < GBT_FREE; a++) {

@@ -15,18 +15,22 @@ GBT_BEGIN_C
 
 #if GBT_SHOOTING
 #define GBT_STATE GBT_STATES                  /* the state at the beginning of a piece */
+#define GBT_MOTION GBT_STATE                  /* that a limit looks at where a plan begins */
 #define GBT_FREE GBT_HELD                     /* the inputs that are held, or change linearly, over it */
 #define GBT_PIECE (GBT_STATE + GBT_FREE)      /* numbers that describe a piece: state, inputs */
 #define GBT_POINT (GBT_PIECE + 1)             /* the same and the share of the piece that is over */
 #define GBT_ROWS_OF_PIECES (GBT_PIECES + 1)   /* one more than the pieces, for the state at the end */
 typedef gbt_real gbt_piece[GBT_PIECE];
 #else
-#define GBT_ORDERS (GBT_DEGREE + 1)           /* derivatives 0 .. L of the flat output describe a piece */
+#define GBT_DERIVATIVES (GBT_DEGREE + 1)      /* 0 .. L of the flat output */
+#define GBT_ORDERS (GBT_DERIVATIVES + GBT_REMEMBERED) /* they describe a piece, with what is remembered: the lowest free */
+#define GBT_ROW(l) ((l) < GBT_JOINED ? (l) : (l) + GBT_REMEMBERED) /* one of the piece before, after those that join */
 #define GBT_PIECE (GBT_ORDERS * GBT_FLAT)     /* numbers that describe a piece */
-#define GBT_STATE (GBT_JOINED * GBT_FLAT)     /* the continuous derivatives: what a piece inherits from the one before */
+#define GBT_MOTION (GBT_JOINED * GBT_FLAT)    /* the continuous derivatives, */
+#define GBT_STATE (GBT_MOTION + GBT_REMEMBERED * GBT_FLAT) /* and all that a piece inherits from the one before */
 #define GBT_FREE (GBT_PIECE - GBT_STATE)      /* those above them, up to the L-th: what is free in a piece */
 #define GBT_TRIANGLE (GBT_PIECE * (GBT_PIECE + 1) / 2) /* entries of a triangle of a matrix of that size */
-#define GBT_POINT (3 * GBT_FLAT)              /* z, its rate and its acceleration at one time */
+#define GBT_POINT (GBT_SEEN * GBT_FLAT)       /* z, its rate, its acceleration at one time, and what is remembered or z's next derivative */
 #define GBT_ROWS_OF_PIECES GBT_PIECES
 typedef gbt_real gbt_piece[GBT_ORDERS][GBT_FLAT];
 #endif

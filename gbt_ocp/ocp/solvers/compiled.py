@@ -260,7 +260,8 @@ class CompiledSolver:
 
     def check(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
         """The same as :class:`gbt_ocp.ocp.check.LimitCheck`, from the compiled limits."""
-        origin, start = self._coordinates.begin(trajectory.start)
+        idle = np.zeros((getattr(self._problem, "remembers", 0), trajectory.start.shape[1]))
+        origin, start = self._coordinates.begin(np.vstack([trajectory.start, idle]))
         top = np.ascontiguousarray(trajectory.top, dtype=float)
         violation = np.empty(len(top))
         stacked = _stacked([values[:, : len(top) + 1] for values in limits])

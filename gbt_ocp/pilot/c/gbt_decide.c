@@ -21,6 +21,17 @@ const gbt_own_state *gbt_latest(const gbt_pilot *pilot)
     return pilot->own.count > 0 ? &pilot->own.state[pilot->own.count - 1] : 0;
 }
 
+gbt_real gbt_flow(const gbt_pilot *pilot, int j)
+{
+#if GBT_CURRENT
+    return j < D ? pilot->current.planned_for[j] : 0;
+#else
+    (void)pilot;
+    (void)j;
+    return 0;
+#endif
+}
+
 void gbt_carry_on(const gbt_pilot *pilot, const gbt_own_state *own, double time, gbt_real *z, gbt_real *dz)
 {
     const gbt_own_state *last = gbt_latest(pilot);
@@ -36,7 +47,7 @@ void gbt_carry_on(const gbt_pilot *pilot, const gbt_own_state *own, double time,
     gbt_trajectory_at(&pilot->guidance.follower, since, then);
     gbt_trajectory_at(&pilot->guidance.follower, since + time - last->time, now);
     for (int j = 0; j < GBT_FLAT; j++) {
-        z[j] += now[0][j] - then[0][j];
+        z[j] += now[0][j] - then[0][j] + gbt_flow(pilot, j) * (gbt_real)(time - last->time);
         dz[j] += now[1][j] - then[1][j];
     }
 }
@@ -56,12 +67,15 @@ static void flat_of(const gbt_pilot *pilot, double time, const gbt_real *z, cons
     }
     if (!pilot->following) return;
     if (fabs(since - gbt_pilot_numbers.period) <= ON_SCHEDULE) {
-        gbt_trajectory_at(plan, pilot->guidance.elapsed + gbt_pilot_numbers.period, planned);
+        const double through = pilot->guidance.elapsed + gbt_pilot_numbers.period;
+        gbt_trajectory_at(plan, through, planned);
         for (int j = 0; j < GBT_FLAT; j++) {
             if (j < D) planned[0][j] += plan->start[0][j];
+            planned[0][j] += gbt_flow(pilot, j) * (gbt_real)through;
+            planned[1][j] += gbt_flow(pilot, j);
             off = gbt_fmax(off, gbt_fmax(gbt_fabs(planned[0][j] - z[j]), gbt_fabs(planned[1][j] - dz[j])));
         }
-        for (int a = 0; off <= ON_PLAN && a < GBT_STATE; a++)
+        for (int a = 0; off <= ON_PLAN && a < GBT_MOTION; a++)
             flat[a / GBT_FLAT][a % GBT_FLAT] = planned[a / GBT_FLAT][a % GBT_FLAT];
         if (off <= ON_PLAN) return;
     }
@@ -111,10 +125,24 @@ static int range_is_known(const gbt_forecast *forecast, const gbt_real *own)
 int gbt_decide(gbt_pilot *pilot, double time, const gbt_real *z, const gbt_real *dz)
 {
     gbt_real flat[GBT_JOINED][GBT_FLAT];
+#if GBT_CURRENT == 2
+    gbt_current_learn(&pilot->current, gbt_latest(pilot));
+#endif
     flat_of(pilot, time, z, dz, flat);
     predict(pilot, time, flat[0]);
+#if GBT_CURRENT
+    gbt_forecast drifting;
+    gbt_through_water(&pilot->current, flat);
+    gbt_drift(&pilot->current, &pilot->usable, &drifting);
+    const gbt_decision decision = gbt_guidance_decide(&pilot->guidance, time, flat, &drifting);
+#else
     const gbt_decision decision = gbt_guidance_decide(&pilot->guidance, time, flat, &pilot->usable);
+#endif
     if (decision == GBT_DECIDED_NOTHING) return 0;
+#if GBT_CURRENT
+    for (int p = 0; p < D && decision == GBT_DECIDED_PLAN; p++) /* a plan that is followed on stays one for its current */
+        pilot->current.planned_for[p] = pilot->current.velocity[p];
+#endif
     gbt_watch_forecast(&pilot->watch, &pilot->forecast, z);
     pilot->range_known = range_is_known(&pilot->forecast, z);
     if (decision == GBT_DECIDED_PLAN) pilot->planned = 1;

@@ -19,6 +19,9 @@ void gbt_carry_on(const gbt_pilot *pilot, const gbt_own_state *own, double time,
 /* Predicts and decides; 0 where numbers are so large that nothing can be decided. */
 int gbt_decide(gbt_pilot *pilot, double time, const gbt_real *z, const gbt_real *dz);
 
+/* Number j of the velocity of the water for which the plan that is followed was made; 0 of an angle, and in still water. */
+gbt_real gbt_flow(const gbt_pilot *pilot, int j);
+
 GBT_END_C
 
 #endif

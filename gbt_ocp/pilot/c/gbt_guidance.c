@@ -61,7 +61,7 @@ static gbt_decision plan(gbt_guidance *guidance, double time, gbt_real flat[GBT_
                          const gbt_forecast *forecast)
 {
     enum { BOUNDARIES = GBT_PIECES + GBT_PRESENT };
-    gbt_real mean[BOUNDARIES][D], covariance[BOUNDARIES][D][D], desired[GBT_PIECES][D];
+    gbt_real state[GBT_STATE], mean[BOUNDARIES][D], covariance[BOUNDARIES][D][D], desired[GBT_PIECES][D];
     if (guidance->planned && elapsed(guidance, time, &guidance->elapsed)) return GBT_DECIDED_FOLLOW;
     prepare_desired(guidance, time, flat, forecast);
     for (int i = 0; i < BOUNDARIES; i++) {
@@ -73,7 +73,10 @@ static gbt_decision plan(gbt_guidance *guidance, double time, gbt_real flat[GBT_
     }
     for (int i = 0; i < GBT_PIECES; i++)
         gbt_desired_at(&guidance->desired, time + (double)GBT_PERIOD * (i + 1), desired[i]);
-    gbt_plan(&guidance->planner, &flat[0][0], &mean[0][0], &covariance[0][0][0], &desired[0][0], &guidance->plan);
+    /* the acceleration that acts is that of the first piece of the last plan, if there was one */
+    for (int a = 0; a < GBT_STATE; a++)
+        state[a] = a < GBT_MOTION ? flat[a / GBT_FLAT][a % GBT_FLAT] : guidance->planner.previous[0][a - GBT_MOTION];
+    gbt_plan(&guidance->planner, state, &mean[0][0], &covariance[0][0][0], &desired[0][0], &guidance->plan);
     if (guidance->plan.origin == GBT_NO_PLAN) return GBT_DECIDED_NOTHING;
     gbt_follow_plan(&guidance->follower, &flat[0][0], &guidance->plan.top[0][0]);
     guidance->planned = 1;

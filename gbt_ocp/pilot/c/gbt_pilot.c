@@ -13,14 +13,43 @@ void gbt_pilot_init(gbt_pilot *pilot)
     pilot->now = -HUGE_VAL;
     pilot->intake.latest = -HUGE_VAL;
     gbt_guidance_begin(&pilot->guidance);
+#if GBT_CURRENT
+    gbt_current_begin(&pilot->current);
+#endif
 }
 
 size_t gbt_pilot_bytes(void) { return sizeof(gbt_pilot); }
+
+#if GBT_CURRENT
+void gbt_pilot_current(const gbt_pilot *pilot, gbt_real *velocity, gbt_real *covariance)
+{
+    for (int p = 0; p < D; p++) {
+        velocity[p] = pilot->current.velocity[p];
+        for (int q = 0; q < D; q++) covariance[p * D + q] = pilot->current.spread[p][q];
+    }
+}
+#endif
 
 static gbt_received answered(gbt_pilot *pilot, gbt_received word)
 {
     if (word != GBT_TAKEN) pilot->received[word]++;
     return word;
+}
+
+double gbt_pilot_waypoint(const gbt_pilot *pilot, int after, gbt_setpoint *waypoint)
+{
+    static const gbt_setpoint nothing;
+    const gbt_guidance *guidance = &pilot->guidance;
+    const double period = (double)GBT_PERIOD, began = pilot->decided_at - guidance->elapsed;
+    gbt_real water[D];
+    *waypoint = nothing;
+    waypoint->status = GBT_FOLLOW_NO_PLAN;
+    if (!pilot->commanded || !pilot->following || after < 0) return NAN;
+    const double end = floor((pilot->last.time - began) / period + 1e-9) + 1 + after;
+    if (!(end <= GBT_PIECES)) return NAN;
+    for (int j = 0; j < D; j++) water[j] = gbt_flow(pilot, j);
+    gbt_follow_setpoint(&guidance->follower, (gbt_real)(end * period), water, waypoint);
+    return began + end * period;
 }
 
 /* ---- inputs ---- */
@@ -162,13 +191,19 @@ static void follow(const gbt_pilot *pilot, double hold, const gbt_real *z, const
         for (int i = 0; i < GBT_INPUTS; i++) command->thrust[i] = guidance->thrust[i];
         return;
     }
-    gbt_real at[GBT_ORDERS][GBT_FLAT], later[GBT_ORDERS][GBT_FLAT], own[GBT_FLAT];
+    gbt_real at[GBT_ORDERS][GBT_FLAT], later[GBT_ORDERS][GBT_FLAT], own[GBT_FLAT], through[2][GBT_FLAT], water[D];
     gbt_trajectory_at(&guidance->follower, now, at);
     gbt_trajectory_at(&guidance->follower, now + hold / 2, later);
-    for (int j = 0; j < GBT_FLAT; j++) own[j] = j < D ? z[j] - guidance->follower.start[0][j] : z[j];
-    gbt_follow_points(guidance->follower.bandwidth, &at[0][0], &later[0][0], own, z, dz, &followed);
+    for (int j = 0; j < GBT_FLAT; j++) {
+        /* plan and vehicle are compared in the frame of the water */
+        through[0][j] = z[j] - (gbt_real)now * gbt_flow(pilot, j);
+        through[1][j] = dz[j] - gbt_flow(pilot, j);
+        own[j] = j < D ? through[0][j] - guidance->follower.start[0][j] : z[j];
+        if (j < D) water[j] = gbt_flow(pilot, j);
+    }
+    gbt_follow_points(guidance->follower.bandwidth, &at[0][0], &later[0][0], own, through[0], through[1], &followed);
     for (int i = 0; i < GBT_INPUTS; i++) command->thrust[i] = followed.thrust[i];
-    gbt_follow_setpoint(&guidance->follower, (gbt_real)(now + gbt_pilot_numbers.lead), 0, &command->setpoint);
+    gbt_follow_setpoint(&guidance->follower, (gbt_real)(now + gbt_pilot_numbers.lead), water, &command->setpoint);
 }
 
 static void report(const gbt_pilot *pilot, double time, gbt_command *command)
@@ -220,6 +255,9 @@ gbt_command_status gbt_pilot_command(gbt_pilot *pilot, double time, gbt_command 
     if ((!pilot->decided || time + hold / 2 >= pilot->decided_at + period) && !gbt_decide(pilot, time, z, dz))
         return command->status = GBT_COMMAND_NO_PLAN;
     follow(pilot, hold, z, dz, command);
+#if GBT_CURRENT == 2
+    gbt_current_command(&pilot->current, time, command->thrust);
+#endif
     command->following = pilot->following;
     command->range_known = pilot->range_known;
     pilot->now = time;

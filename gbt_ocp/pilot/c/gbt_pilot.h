@@ -20,6 +20,7 @@
 #ifndef GBT_PILOT_H
 #define GBT_PILOT_H
 
+#include "gbt_current.h"
 #include "gbt_guidance.h"
 #include "gbt_intake.h"
 #include "gbt_own_track.h"
@@ -71,6 +72,9 @@ typedef struct {
     gbt_intake intake;
     gbt_own_track own;
     gbt_watch watch;
+#if GBT_CURRENT
+    gbt_current current; /* of the water, as far as it is known */
+#endif
     int known;             /* measurements that are remembered to find duplicates */
     struct {
         int sensor;
@@ -117,6 +121,17 @@ gbt_received gbt_pilot_measure(gbt_pilot *pilot, gbt_kind kind, const gbt_real *
 /* What the vehicle is to do from a time on. The guidance decides once a period, at the command nearest to the time when it
    is due; in between the thrust leads back to the plan from where the vehicle is. */
 gbt_command_status gbt_pilot_command(gbt_pilot *pilot, double time, gbt_command *command);
+
+/* Where the vehicle should be at the end of a piece of the plan that is followed, and how it should move there: that of
+   the piece in which the last command was given, and so many after it. Returns the time of that, which is not a number
+   where there is none; waypoint->status says so too. */
+double gbt_pilot_waypoint(const gbt_pilot *pilot, int after, gbt_setpoint *waypoint);
+
+#if GBT_CURRENT
+/* The velocity of the water over ground as the pilot knows it, GBT_DIMENSION, earth frame, m/s, and its covariance,
+   GBT_DIMENSION x GBT_DIMENSION, m^2/s^2; 0 where the velocity is given. */
+void gbt_pilot_current(const gbt_pilot *pilot, gbt_real *velocity, gbt_real *covariance);
+#endif
 
 GBT_END_C
 

@@ -58,6 +58,10 @@ int main(void)
             gbt_pilot_command(&pilot, time, &command);
             const double off = difference(k);
             commands++;
+#if GBT_CURRENT == 2
+            /* the vehicle had Python's thrust */
+            memcpy(pilot.current.command[pilot.current.commands - 1].thrust, numbers, sizeof command.thrust);
+#endif
             answer = pilot_calls[k].answer;
             if (pilot_calls[k].plan > 0) {
                 go_on_from(pilot_plans[pilot_calls[k].plan - 1]);

@@ -1,0 +1,5 @@
+if(NOT TARGET diagnostic_msgs::diagnostic_msgs)
+  add_library(diagnostic_msgs::diagnostic_msgs INTERFACE IMPORTED)
+  target_include_directories(diagnostic_msgs::diagnostic_msgs INTERFACE "${CMAKE_CURRENT_LIST_DIR}/../include")
+endif()
+set(diagnostic_msgs_TARGETS diagnostic_msgs::diagnostic_msgs)

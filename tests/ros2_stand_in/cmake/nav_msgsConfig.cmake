@@ -1,0 +1,5 @@
+if(NOT TARGET nav_msgs::nav_msgs)
+  add_library(nav_msgs::nav_msgs INTERFACE IMPORTED)
+  target_include_directories(nav_msgs::nav_msgs INTERFACE "${CMAKE_CURRENT_LIST_DIR}/../include")
+endif()
+set(nav_msgs_TARGETS nav_msgs::nav_msgs)
