@@ -42,7 +42,7 @@ def pilot_files(parts: PilotParts) -> dict[str, str]:
         If a part does not exist in C; one line that names it.
     """
     numbers, sizes = _guidance(parts)
-    tracker = tracker_in_c(parts.tracker)
+    tracker = tracker_in_c(parts.tracker, lambda width: SPARE + _measured_in(parts, width))
     sizes |= tracker.sizes | _memory(parts)
     numbers |= {
         "period": parts.period,
@@ -60,7 +60,7 @@ def pilot_files(parts: PilotParts) -> dict[str, str]:
     source = _SOURCE.format(
         numbers=initialiser({name: numbers[name] for name in _SETTINGS}, _DOUBLES),
         kind=tracker.name,
-        tracker=initialiser(tracker.settings),
+        tracker=initialiser(tracker.settings, tracker.doubles),
         sensors=", ".join(sensors or ["{{0, GBT_EARTH, 0, {0}, 0}, 0, 0, 0}"]),
         names=", ".join(json.dumps(name) for name in parts.sensors) or '""',
     )
@@ -103,13 +103,12 @@ def _guidance(parts: PilotParts) -> tuple[dict[str, Any], dict[str, int]]:
         "startup_leg": 1.0 if crossing is None else crossing.crossing.leg,
         "axis": np.array([0.0, 0.0, 1.0]) if crossing is None else crossing.crossing.axis,
     }
-    return numbers, {"AHEAD": parts.forecast, "STEPS": steps, "STRIDE": stride}
+    return numbers, {"AHEAD": parts.forecast, "PERIODS": steps, "STRIDE": stride}
 
 
 def _memory(parts: PilotParts) -> dict[str, int]:
     """How much is remembered of inputs."""
-    periods = [sensor.period for sensor in parts.sensors.values()] or [parts.period]
-    measurements = SPARE + sum(math.ceil(1.25 * parts.late / period) for period in periods)
+    measurements = SPARE + _measured_in(parts, parts.late)
     return {
         "LISTED": len(parts.sensors),
         "SENSORS": len(parts.sensors) + UNLISTED,
@@ -117,6 +116,12 @@ def _memory(parts: PilotParts) -> dict[str, int]:
         "KNOWN": 2 * measurements,
         "NAVIGATIONS": 8 + math.ceil(NAVIGATION_HZ * (parts.late + parts.navigation_gap)),
     }
+
+
+def _measured_in(parts: PilotParts, seconds: float) -> int:
+    """How many measurements may come in a time."""
+    periods = [sensor.period for sensor in parts.sensors.values()] or [parts.period]
+    return sum(math.ceil(1.25 * seconds / period) for period in periods)
 
 
 def _sensor(number: int, sensor: SimulatedSensor) -> str:
@@ -141,7 +146,7 @@ def _length(value: Any) -> str:
 
 _SIZES = {
     "AHEAD": "positions predicted ahead",
-    "STEPS": "sampling periods that a piece of a plan lasts",
+    "PERIODS": "sampling periods that a piece of a plan lasts",
     "STRIDE": "predicted positions that it lasts",
     "LISTED": "sensors of which something is configured",
     "SENSORS": "numbers of sensors",
@@ -200,6 +205,8 @@ GBT_END_C
 
 _SOURCE = """/* Generated: settings of one pilot. */
 #include "gbt_pilot_settings.h"
+
+#include <math.h>
 
 #include "gbt_sighting.h"
 #include "gbt_tracker.h"

@@ -30,9 +30,9 @@ void gbt_guidance_begin(gbt_guidance *guidance)
 static int elapsed(const gbt_guidance *guidance, double time, double *seconds)
 {
     const double since = time - guidance->planned_at, period = (double)GBT_PERIOD;
-    const double count = rint(since * GBT_STEPS / period), on_time = count * period / GBT_STEPS;
+    const double count = rint(since * GBT_PERIODS / period), on_time = count * period / GBT_PERIODS;
     *seconds = fabs(since - on_time) <= ON_SCHEDULE ? on_time : since;
-    return count < GBT_STEPS;
+    return count < GBT_PERIODS;
 }
 
 /* Turns the desired bearing to where a plan begins: at the pace that the range allows, or on at the line of sight. */

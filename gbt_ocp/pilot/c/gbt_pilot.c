@@ -149,7 +149,7 @@ static void settle(gbt_pilot *pilot, double time)
         }
     }
     pilot->waiting = still;
-    pilot->received[GBT_REFUSED] += (unsigned)gbt_intake_settle(&pilot->intake, &pilot->tracker);
+    pilot->received[GBT_REFUSED] += (unsigned)gbt_intake_settle(&pilot->intake, &pilot->tracker, &pilot->tracking);
 }
 
 /* The thrust of the decision, and the setpoint of its plan. */
