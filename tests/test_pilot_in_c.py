@@ -86,7 +86,7 @@ LOOPS = [
     ("sea3d", 300.0, ()),
 ]
 
-EXACT = [(name, 30.0, (f"preset={preset}",)) for name in ("case2", "case5") for preset in ("paper", "default")]
+EXACT = [(f"case{number}", 30.0, (f"preset={preset}",)) for number in range(1, 7) for preset in ("paper", "default")]
 """Loops of the process, whose bearings are exact: with the paper's nugget, and with one that is tuned."""
 
 

@@ -17,6 +17,7 @@ from gbt_ocp.ocp.codegen.problem_source import from_moments
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.pilot.pilot_parts import PilotParts
 from gbt_ocp.pilot.tracker_source import SIZES, c_number, initialiser, pilot_texts, tracker_in_c
+from gbt_ocp.tracking.polar import BEARINGS
 
 NAVIGATION_HZ = 50.0
 """Rate in Hz of navigations for which there is memory; where they come faster, those that are too old are fewer."""
@@ -42,7 +43,9 @@ def pilot_files(parts: PilotParts) -> dict[str, str]:
         If a part does not exist in C; one line that names it.
     """
     numbers, sizes = _guidance(parts)
-    tracker = tracker_in_c(parts.tracker, lambda width: SPARE + _measured_in(parts, width))
+    bearing = BEARINGS[parts.vehicle.position_dimension - 2]
+    others = sum(one.kind != bearing for one in parts.sensors.values())
+    tracker = tracker_in_c(parts.tracker, lambda width: SPARE + _measured_in(parts, width), others)
     sizes |= tracker.sizes | _memory(parts)
     numbers |= {
         "period": parts.period,

@@ -56,6 +56,9 @@ _OF_KERNEL = ("gbt_real.h", "gbt_math.h", "gbt_identity.h")
 SAMPLES = 256
 """Bearings in a bin for which there is memory, where the rate of the sensor is not known."""
 
+FEW_OTHERS = 16
+"""Measurements that are no bearings for which there is memory, where no sensor for them is configured."""
+
 
 @dataclass(frozen=True)
 class TrackerInC:
@@ -109,7 +112,9 @@ def pilot_texts() -> dict[str, str]:
     }
 
 
-def tracker_in_c(tracker: object, samples: Callable[[float], int] = lambda width: SAMPLES) -> TrackerInC:
+def tracker_in_c(
+    tracker: object, samples: Callable[[float], int] = lambda width: SAMPLES, others: int = 2
+) -> TrackerInC:
     """A tracker that has seen nothing, as C.
 
     Parameters
@@ -118,6 +123,8 @@ def tracker_in_c(tracker: object, samples: Callable[[float], int] = lambda width
         The tracker.
     samples
         Bearings for which there is memory in a bin of a width in seconds.
+    others
+        Sensors that measure no bearings for which there is memory in each bin; without any, there is memory for a few.
 
     Raises
     ------
@@ -125,7 +132,7 @@ def tracker_in_c(tracker: object, samples: Callable[[float], int] = lambda width
         If there is none of it in C.
     """
     if isinstance(tracker, MotionShapeTracker):
-        return _motion(tracker, samples(tracker.bins.width))
+        return _motion(tracker, samples(tracker.bins.width), others)
     if isinstance(tracker, ExtendedKalmanFilter):
         return _extended(tracker)
     if isinstance(tracker, GaussianProcessTracker):
@@ -182,7 +189,7 @@ def _process(tracker: GaussianProcessTracker) -> TrackerInC:
     return TrackerInC("gp", settings, sizes)
 
 
-def _motion(tracker: MotionShapeTracker, samples: int) -> TrackerInC:
+def _motion(tracker: MotionShapeTracker, samples: int, others: int) -> TrackerInC:
     shape, noise, update, starts, hypotheses, memory, iterations, gate, size, position = tracker.settings
     (knot, span, slow, blocks), prior, d, bins = shape.knots, shape.prior, tracker.dimension, tracker.bins
     if not update > 0.0:
@@ -230,7 +237,7 @@ def _motion(tracker: MotionShapeTracker, samples: int) -> TrackerInC:
         "SIZED": int(size is not None),
         "BINS": count,
         "BIN_SAMPLES": samples,
-        "OTHERS": 2 * count,
+        "OTHERS": others * count or FEW_OTHERS,
         "MEMORIES": 3 + math.ceil((bins.window + bins.width) / update) if math.isfinite(memory) else 1,
         "TURN_STDS": len(prior.turn_stds),
         "TURN_TIMES": len(prior.turn_times),

@@ -9,7 +9,7 @@
 void gbt_guidance_begin(gbt_guidance *guidance)
 {
     const gbt_pilot_settings *numbers = &gbt_pilot_numbers;
-    gbt_plan_init(&guidance->planner);
+    gbt_plan_init(&guidance->room.planner);
     gbt_follow_init(&guidance->follower, numbers->follow_bandwidth);
     gbt_startup_init(&guidance->startup, numbers->axis, numbers->startup_deviation, numbers->startup_speed,
                      numbers->startup_opening, numbers->startup_leg, (gbt_real)numbers->period);
@@ -73,7 +73,7 @@ static gbt_decision plan(gbt_guidance *guidance, double time, gbt_real flat[GBT_
     }
     for (int i = 0; i < GBT_PIECES; i++)
         gbt_desired_at(&guidance->desired, time + (double)GBT_PERIOD * (i + 1), desired[i]);
-    gbt_plan(&guidance->planner, &flat[0][0], &mean[0][0], &covariance[0][0][0], &desired[0][0], &guidance->plan);
+    gbt_plan(&guidance->room.planner, &flat[0][0], &mean[0][0], &covariance[0][0][0], &desired[0][0], &guidance->plan);
     if (guidance->plan.origin == GBT_NO_PLAN) return GBT_DECIDED_NOTHING;
     gbt_follow_plan(&guidance->follower, &flat[0][0], &guidance->plan.top[0][0]);
     guidance->planned = 1;
@@ -94,7 +94,7 @@ gbt_decision gbt_guidance_decide(gbt_guidance *guidance, double time, gbt_real f
         case GBT_STARTUP_CROSS: return GBT_DECIDED_CROSS;
         case GBT_STARTUP_NOT_FINITE: return GBT_DECIDED_NOTHING;
         case GBT_STARTUP_RESTART:
-            guidance->planned = guidance->legs_begun = guidance->planner.warm = 0;
+            guidance->planned = guidance->legs_begun = guidance->room.planner.warm = 0;
             break;
         case GBT_STARTUP_PLAN: break;
         }

@@ -67,7 +67,6 @@ typedef struct {
 typedef struct {
     int begun; /* whether the tracker was made, at the first navigation */
     gbt_tracker tracker;
-    gbt_tracker_work tracking;
     gbt_guidance guidance;
     gbt_intake intake;
     gbt_own_track own;
