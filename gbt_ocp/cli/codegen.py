@@ -33,7 +33,7 @@ def _carry_out(arguments: argparse.Namespace) -> int:
 
     from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
     from gbt_ocp.experiments.build.pilot import build_pilot
-    from gbt_ocp.experiments.pilot_in_c import pilot_sources
+    from gbt_ocp.experiments.pilot_in_c import pilot_sources, with_compiled_tracker
     from gbt_ocp.experiments.recorded_pilot import RecordedPilot
     from gbt_ocp.experiments.recorded_steps import recorded_steps
     from gbt_ocp.experiments.ros_package import PILOT_FOLDER, write_ros_package
@@ -61,7 +61,10 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     try:
         problem = build_problem(configuration, build_vehicle(configuration))
         options = options_beside(section.solver, solver, section.solver_options)
-        beside = pilot_sources(configuration) | RecordedPilot(configuration).files if with_pilot else {}
+        beside = {}
+        if with_pilot:
+            beside = pilot_sources(configuration) | RecordedPilot(configuration).files
+            configuration = with_compiled_tracker(configuration)
         if solver == "compiled":
             planner = problem.compile(solver, options)
             # of the closed loop; made up only where nothing is planned there, which the moments of a forecast allow

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gbt_ocp.experiments.build.estimators import configured_noise
+from gbt_ocp.experiments.build.noise import configured_noise
 from gbt_ocp.experiments.config.tracker import TrackerSection
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.simulation.history import History

@@ -8,8 +8,16 @@ from gbt_ocp.experiments.config.guidance import PlannerGuidanceSection
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.pilot.pilot_source import pilot_files
 
-TRACKERS_IN_C = ("ekf", "gp")
+TRACKERS_IN_C = ("ekf", "gp", "motion_gp")
 """Kinds of trackers that there are in C."""
+
+
+def with_compiled_tracker(configuration: Configuration) -> Configuration:
+    """The same with the tracker's arithmetic in C, for a kind that there is in C."""
+    if configuration.tracker.kind not in TRACKERS_IN_C:
+        return configuration
+    tracker = configuration.tracker.model_copy(update={"engine": "compiled"})
+    return configuration.model_copy(update={"tracker": tracker})
 
 
 def pilot_sources(configuration: Configuration) -> dict[str, str]:
@@ -24,11 +32,13 @@ def pilot_sources(configuration: Configuration) -> dict[str, str]:
     noisy = kind == "gp" and configuration.bearing_noise_deg > 0.0
     if kind not in TRACKERS_IN_C or (noisy and getattr(configuration.tracker, "noise", None) is not None):
         found = "gp for noisy bearings" if noisy else kind
-        raise ConfigurationError([f"--pilot: tracker.kind: found {found}; allowed: ekf, or gp for exact bearings"])
+        raise ConfigurationError(
+            [f"--pilot: tracker.kind: found {found}; allowed: motion_gp, ekf, or gp for exact bearings"]
+        )
     if not isinstance(guidance, PlannerGuidanceSection):
         raise ConfigurationError([f"--pilot: guidance.kind: found {guidance.kind}; allowed: planner"])
     try:
-        return pilot_files(build_pilot(configuration))
+        return pilot_files(build_pilot(with_compiled_tracker(configuration)))
     except ConfigurationError:
         raise
     except ValueError as fault:

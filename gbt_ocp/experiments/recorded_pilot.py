@@ -11,6 +11,7 @@ import numpy as np
 from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.build.pilot import build_pilot
 from gbt_ocp.experiments.config.schema import Configuration
+from gbt_ocp.experiments.pilot_in_c import with_compiled_tracker
 from gbt_ocp.files import packaged_text
 from gbt_ocp.models.measurements import Measurement
 from gbt_ocp.ocp.codegen.expressions import c_array
@@ -24,7 +25,11 @@ from gbt_ocp.simulation.mover import Mover
 from gbt_ocp.typing import Array
 
 COMMANDS = 100
-"""Commands that are recorded, at most."""
+"""Commands that are recorded, at most, where the vehicle plans from the beginning on."""
+
+MOST_AT_START = 5
+"""How many times as many are recorded, at most, where the vehicle first moves for its range to be known. Half of
+:data:`COMMANDS` then come after the first plan."""
 
 SHAKEN_BY = (1.0e-12, 1.0e-11)
 """Relative changes of what goes in, by which is seen how far rounding may move a command."""
@@ -55,7 +60,8 @@ class RecordedPilot:
     configuration
         Whose parts exist in C.
     commands
-        How many are recorded, at most; the duration of the configuration bounds them too.
+        How many are recorded, at most; the duration of the configuration bounds them too. There are more where nothing
+        is planned at first; see :data:`MOST_AT_START`.
 
     Attributes
     ----------
@@ -64,8 +70,7 @@ class RecordedPilot:
     """
 
     def __init__(self, configuration: Configuration, commands: int = COMMANDS) -> None:
-        tracker = configuration.tracker.model_copy(update={"engine": "compiled"})
-        configuration = configuration.model_copy(update={"tracker": tracker})
+        configuration = with_compiled_tracker(configuration)
         loop, start = build_loop(configuration)
         self._loop = loop
         self._pilots = [Piloting(build_pilot(configuration)) for _ in (0.0, *SHAKEN_BY)]
@@ -79,7 +84,11 @@ class RecordedPilot:
         period = loop.sensor.period
         mover = Mover(loop.vehicle, period, "dynamics", loop.plant)
         state = loop.vehicle.state(start[0], start[1])
-        for step in range(min(commands, step_count(configuration.duration_s, period))):
+        planned = 0
+        for step in range(min(MOST_AT_START * commands, step_count(configuration.duration_s, period))):
+            planned += bool(self._plans)
+            if step >= commands and 2 * planned >= commands:
+                break
             time = step * period
             self._navigated(time, loop.vehicle.pose(state), loop.vehicle.velocity(state))
             for measurement in self._seen(loop, step, time, loop.vehicle.pose(state)):
@@ -89,12 +98,13 @@ class RecordedPilot:
     @property
     def files(self) -> dict[str, str]:
         """The program that replays the loop, and the header with its calls."""
-        plans = np.array(self._plans) if self._plans else np.zeros((1, 1))
+        none = "static const gbt_real pilot_plans[1][GBT_PIECES * GBT_FREE] = {{0}};\n"
+        plans = c_array("gbt_real", "pilot_plans", np.array(self._plans)) if self._plans else none
         header = _VECTORS.format(
             calls=len(self._calls),
             width=self._width,
             rows=",\n".join(self._calls),
-            plans=c_array("gbt_real", "pilot_plans", plans),
+            plans=plans,
         )
         program = packaged_text("gbt_ocp.pilot", "example", "pilot_example.c")
         return {"pilot_vectors.h": header, "pilot_example.c": program}

@@ -88,6 +88,7 @@ class FlatPlans:
         thrust of the rest, and an error of the rates grows along it.
         """
         top, period = previous.shifted().top.copy(), self._problem.period
+        start = start[: self._problem.joined]
         d, n = self._problem.vehicle.position_dimension, start.shape[1]
         # relative to where both begin, as the kernel has it: the last bits of a guess decide between equal plans
         begin, here = previous.start.copy(), start.copy()

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import ctypes
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.models.measurements import MeasurementKind, Sighting
-from gbt_ocp.ocp.codegen.library import kernel_files, load_library
+from gbt_ocp.ocp.codegen.library import load_library
 from gbt_ocp.pilot.pilot_source import UNLISTED
-from gbt_ocp.pilot.tracker_source import pilot_texts
+from gbt_ocp.pilot.tracker_source import TrackerInC
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
 from gbt_ocp.tracking.filters.motion_models import size_estimate
 from gbt_ocp.tracking.polar import checked_sighting, is_bearing
@@ -23,12 +24,6 @@ from gbt_ocp.typing import Array
 
 KINDS_IN_C: tuple[MeasurementKind, ...] = ("azimuth", "azimuth_elevation", "elevation", "range", "size", "position")
 """Kinds of measurements by their numbers in C."""
-
-_PARTS = (
-    *("gbt_bearing", "gbt_linalg", "gbt_sighting", "gbt_kalman", "gbt_polar", "gbt_polar_update", "gbt_gaps"),
-    *("gbt_forecast", "gbt_ekf"),
-)
-_OF_KERNEL = ("gbt_real.h", "gbt_math.h", "gbt_identity.h")
 
 
 class CompiledExtendedKalmanFilter(ExtendedKalmanFilter):
@@ -109,17 +104,7 @@ class CompiledExtendedKalmanFilter(ExtendedKalmanFilter):
         self._taken(sighting)
 
     def _taken(self, sighting: Sighting) -> None:
-        d = sighting.position.size
-        stated = not bool(np.all(np.isnan(sighting.std)))
-        given = _structures(d, self._size_prior is not None)[2](
-            time=sighting.time,
-            kind=KINDS_IN_C.index(sighting.kind),
-            sensor=self._sensors.setdefault(sighting.sensor, min(len(self._sensors), UNLISTED - 1)),
-            stated=stated,
-        )
-        given.value[: sighting.value.size] = sighting.value.tolist()
-        given.std[: sighting.std.size] = np.nan_to_num(sighting.std).tolist()
-        given.position[:] = sighting.position.tolist()
+        given = sighting_for_c(sighting, self._sensors)
         if not self._call("take", ctypes.byref(given)):
             raise ValueError(f"measurement: found one of kind '{sighting.kind}' that leaves no track; allowed: others")
 
@@ -133,8 +118,37 @@ class CompiledExtendedKalmanFilter(ExtendedKalmanFilter):
         return Forecast(mean, covariance)
 
 
-def _structures(d: int, sized: bool) -> tuple[Any, Any, Any]:
-    """The structs of C: settings, the beginning of a filter, a measurement."""
+def sighting_for_c(sighting: Sighting, sensors: dict[str, int]) -> Any:
+    """A measurement as the struct of C.
+
+    Parameters
+    ----------
+    sighting
+        The measurement.
+    sensors
+        Numbers of sensors by their names. One that is not among them is added; those beyond the eighth share a number.
+    """
+    given = _sighting_struct(sighting.position.size)(
+        time=sighting.time,
+        kind=KINDS_IN_C.index(sighting.kind),
+        sensor=sensors.setdefault(sighting.sensor, min(len(sensors), UNLISTED - 1)),
+        stated=not bool(np.all(np.isnan(sighting.std))),
+    )
+    given.value[: sighting.value.size] = sighting.value.tolist()
+    given.std[: sighting.std.size] = np.nan_to_num(sighting.std).tolist()
+    given.position[:] = sighting.position.tolist()
+    return given
+
+
+@cache
+def _sighting_struct(d: int) -> Any:
+    fields = [("time", ctypes.c_double), *((name, ctypes.c_int) for name in ("kind", "sensor", "stated"))]
+    fields += [(name, ctypes.c_double * d) for name in ("value", "std", "position")]
+    return type("Sighting", (ctypes.Structure,), {"_fields_": fields})
+
+
+def _structures(d: int, sized: bool) -> tuple[Any, Any]:
+    """The structs of C: settings, and the beginning of a filter."""
     key = (d, sized)
     if key not in _KNOWN:
         number, whole, n = ctypes.c_double, ctypes.c_int, 2 * d + sized
@@ -144,15 +158,15 @@ def _structures(d: int, sized: bool) -> tuple[Any, Any, Any]:
         gaps = [(name, number) for name in ("span", "measurements", "unknown", "began", "latest")]
         state = [("count", whole), *gaps, ("taken", whole), ("_fill", whole), ("begun", whole), ("time", number)]
         state += [("known", whole), ("start", number * d), ("mean", number * n), ("covariance", number * (n * n))]
-        sighting = [("time", number), *((name, whole) for name in ("kind", "sensor", "stated"))]
-        sighting += [(name, number * d) for name in ("value", "std", "position")]
-        kinds = (("Settings", settings), ("State", state), ("Sighting", sighting))
-        made = [type(name, (ctypes.Structure,), {"_fields_": fields}) for name, fields in kinds]
-        _KNOWN[key] = (made[0], made[1], made[2])
+        made = [
+            type(name, (ctypes.Structure,), {"_fields_": fields})
+            for name, fields in (("Settings", settings), ("State", state))
+        ]
+        _KNOWN[key] = (made[0], made[1])
     return _KNOWN[key]
 
 
-_KNOWN: dict[tuple[int, bool], tuple[Any, Any, Any]] = {}
+_KNOWN: dict[tuple[int, bool], tuple[Any, Any]] = {}
 
 
 def _settings(d: int, guess: FirstGuess, process_noise: float, bearing_std: float, size: LogNormal | None) -> Array:
@@ -175,13 +189,7 @@ def _settings(d: int, guess: FirstGuess, process_noise: float, bearing_std: floa
 
 def _library(d: int, sized: bool) -> ctypes.CDLL:
     """The filter by itself."""
-    shared, texts = kernel_files(), pilot_texts()
-    sources = {name: shared[name] for name in _OF_KERNEL}
-    sources |= {name: text for name, text in texts.items() if name.rpartition(".")[0] in _PARTS}
-    include = '#include "gbt_real.h"\n'
-    sources["gbt_problem.h"] = f"{include}#define GBT_DIMENSION {d}\n"
-    sources["gbt_pilot_settings.h"] = f"{include}#define GBT_SIZED {int(sized)}\n#define GBT_SENSORS {UNLISTED}\n"
-    library = load_library(sources)
+    library = load_library(TrackerInC("ekf", {}, {"SIZED": int(sized)}).alone(d, UNLISTED))
     library.gbt_ekf_bytes.restype = ctypes.c_size_t
     library.gbt_ekf_predict.restype = library.gbt_ekf_begin.restype = None
     return library

@@ -9,26 +9,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gbt_ocp.ocp.codegen.library import kernel_files, load_library
-from gbt_ocp.pilot.tracker_source import pilot_texts, tracker_in_c
+from gbt_ocp.ocp.codegen.library import load_library
+from gbt_ocp.pilot.tracker_source import laid_out, tracker_in_c
 from gbt_ocp.tracking.gp.breaks import Break
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.priors import PositionPrior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import Measurements
 from gbt_ocp.typing import Array
-
-_UNITS = (
-    "gbt_bearing",
-    "gbt_linalg",
-    "gbt_gaps",
-    "gbt_breaks",
-    "gbt_gp",
-    "gbt_gp_kernel",
-    "gbt_gp_likelihood",
-    "gbt_wide",
-)
-_HEADERS = ("gbt_real.h", "gbt_math.h", "gbt_identity.h")
 
 _WAITS, _BROKEN = 2, 3  # gbt_gp_taken
 
@@ -79,17 +67,10 @@ class CompiledGaussianProcessTracker(GaussianProcessTracker):
             breaks=breaks,
         )
         made = tracker_in_c(self)
-        shared, texts = kernel_files(), pilot_texts()
-        sources = {name: shared[name] for name in _HEADERS}
-        sources |= {name: text for name, text in texts.items() if name.rpartition(".")[0] in _UNITS}
-        include = '#include "gbt_real.h"\n'
-        sizes = "".join(f"#define GBT_{name} {value}\n" for name, value in made.sizes.items())
-        sources["gbt_problem.h"] = f"{include}#define GBT_DIMENSION {dimension}\n"
-        sources["gbt_pilot_settings.h"] = f"{include}{sizes}"
-        self._library = load_library(sources)
+        self._library = load_library(made.alone(dimension, 1))
         self._library.gbt_gp_bytes.restype = ctypes.c_size_t
         self._library.gbt_gp_begin.restype = self._library.gbt_gp_predict.restype = None
-        self._numbers = _flat(made.settings)
+        self._numbers = np.frombuffer(laid_out(made.settings), dtype=float).copy()
         self._memory = np.zeros(self._library.gbt_gp_bytes() // 8)
         self._call("begin", self._prior.start)
 
@@ -126,16 +107,3 @@ class CompiledGaussianProcessTracker(GaussianProcessTracker):
             one = ctypes.c_double(float(time)), ctypes.c_double(0.0), ctypes.c_int(1)
             self._call("predict", *one, mean[place], covariance[place])
         return Forecast(mean, covariance)
-
-
-def _flat(settings: Any) -> Array:
-    """The struct of settings as C lays it out: each whole number stands before numbers, and is padded to one."""
-    parts: list[bytes] = []
-    for value in settings.values():
-        if isinstance(value, dict):
-            parts.append(_flat(value).tobytes())
-        elif isinstance(value, int):
-            parts.append(np.array([value, 0], dtype=np.int32).tobytes())
-        else:
-            parts.append(np.asarray(value, dtype=float).tobytes())
-    return np.frombuffer(b"".join(parts), dtype=float).copy()

@@ -21,6 +21,7 @@ from gbt_ocp.ocp.codegen.problem_source import from_moments
 from gbt_ocp.ocp.problem_data import ProblemData
 from gbt_ocp.pilot.pilot_parts import PilotParts
 from gbt_ocp.pilot.tracker_source import SIZES, c_number, initialiser, pilot_texts, tracker_in_c
+from gbt_ocp.tracking.polar import BEARINGS
 
 NAVIGATION_HZ = 50.0
 """Rate in Hz of navigations for which there is memory; where they come faster, those that are too old are fewer."""
@@ -49,7 +50,9 @@ def pilot_files(parts: PilotParts) -> dict[str, str]:
         If a part does not exist in C; one line that names it.
     """
     numbers, sizes = _guidance(parts)
-    tracker = tracker_in_c(parts.tracker)
+    bearing = BEARINGS[parts.vehicle.position_dimension - 2]
+    others = sum(one.kind != bearing for one in parts.sensors.values())
+    tracker = tracker_in_c(parts.tracker, lambda width: SPARE + _measured_in(parts, width), others)
     current = parts.guidance.current if isinstance(parts.guidance, InWater) else None
     sizes |= tracker.sizes | _memory(parts) | {"CURRENT": _kind_of(current)}
     numbers |= _current(current, parts.vehicle.position_dimension)
@@ -69,7 +72,7 @@ def pilot_files(parts: PilotParts) -> dict[str, str]:
     source = _SOURCE.format(
         numbers=initialiser({name: numbers[name] for name in _SETTINGS}, _DOUBLES),
         kind=tracker.name,
-        tracker=initialiser(tracker.settings),
+        tracker=initialiser(tracker.settings, tracker.doubles),
         sensors=", ".join(sensors or ["{{0, GBT_EARTH, 0, {0}, 0}, 0, 0, 0}"]),
         names=", ".join(json.dumps(name) for name in parts.sensors) or '""',
         model=_model(current, parts.vehicle) if isinstance(current, CurrentObserver) else "",
@@ -114,7 +117,7 @@ def _guidance(parts: PilotParts) -> tuple[dict[str, Any], dict[str, int]]:
         "startup_leg": 1.0 if crossing is None else crossing.crossing.leg,
         "axis": np.array([0.0, 0.0, 1.0]) if crossing is None else crossing.crossing.axis,
     }
-    return numbers, {"AHEAD": parts.forecast, "STEPS": steps, "STRIDE": stride}
+    return numbers, {"AHEAD": parts.forecast, "PERIODS": steps, "STRIDE": stride}
 
 
 def _kind_of(current: Current | None) -> int:
@@ -145,8 +148,7 @@ def _model(current: CurrentObserver, vehicle: Any) -> str:
 
 def _memory(parts: PilotParts) -> dict[str, int]:
     """How much is remembered of inputs."""
-    periods = [sensor.period for sensor in parts.sensors.values()] or [parts.period]
-    measurements = SPARE + sum(math.ceil(1.25 * parts.late / period) for period in periods)
+    measurements = SPARE + _measured_in(parts, parts.late)
     return {
         "LISTED": len(parts.sensors),
         "SENSORS": len(parts.sensors) + UNLISTED,
@@ -155,6 +157,12 @@ def _memory(parts: PilotParts) -> dict[str, int]:
         "NAVIGATIONS": 8 + math.ceil(NAVIGATION_HZ * (parts.late + parts.navigation_gap)),
         "COMMANDS": 8 + math.ceil(COMMANDS_HZ * (parts.period + parts.navigation_gap)),
     }
+
+
+def _measured_in(parts: PilotParts, seconds: float) -> int:
+    """How many measurements may come in a time."""
+    periods = [sensor.period for sensor in parts.sensors.values()] or [parts.period]
+    return sum(math.ceil(1.25 * seconds / period) for period in periods)
 
 
 def _sensor(number: int, sensor: SimulatedSensor) -> str:
@@ -179,7 +187,7 @@ def _length(value: Any) -> str:
 
 _SIZES = {
     "AHEAD": "positions predicted ahead",
-    "STEPS": "sampling periods that a piece of a plan lasts",
+    "PERIODS": "sampling periods that a piece of a plan lasts",
     "STRIDE": "predicted positions that it lasts",
     "LISTED": "sensors of which something is configured",
     "SENSORS": "numbers of sensors",
@@ -245,6 +253,8 @@ GBT_END_C
 
 _SOURCE = """/* Generated: settings of one pilot. */
 #include "gbt_pilot_settings.h"
+
+#include <math.h>
 
 #include "gbt_current.h"
 #include "gbt_math.h"

@@ -70,7 +70,7 @@ int main(void)
         same = 1;
         took = 0;
         if (pilot_calls[k].plan == 0) continue;
-        memcpy(pilot.guidance.planner.previous, pilot_plans[pilot_calls[k].plan - 1], sizeof pilot.guidance.planner.previous);
+        memcpy(pilot.guidance.room.planner.previous, pilot_plans[pilot_calls[k].plan - 1], sizeof pilot.guidance.room.planner.previous);
         memcpy(pilot.guidance.follower.top, pilot_plans[pilot_calls[k].plan - 1], sizeof pilot.guidance.follower.top);
     }
     const unsigned long deepest = stack_used(); /* before printf, which takes a good deal of it */

@@ -7,9 +7,11 @@ when the first one is called.
 from __future__ import annotations
 
 import math
+from typing import Any
 
+from gbt_ocp.experiments.build.noise import bearing_noise, noise_of
 from gbt_ocp.experiments.config import tracker as sections
-from gbt_ocp.experiments.config.noise import NoiseSection, NoisyBearingsSection, filter_std
+from gbt_ocp.experiments.config.noise import NoisyBearingsSection, filter_std
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.tracking.displacement.hypotheses import MotionPriors
 from gbt_ocp.tracking.displacement.tracker import NoisyGaussianProcessTracker
@@ -61,13 +63,6 @@ def gaussian_process(
     )
 
 
-def noise_of(section: sections.GaussianProcessSection, sensor: BearingSensor) -> NoisyBearingsSection | None:
-    """How the tracker treats noise; ``None`` if it takes bearings for exact."""
-    if section.noise == "sensor":
-        return NoisyBearingsSection() if sensor.noise > 0.0 else None
-    return section.noise
-
-
 def _size_prior(size: tuple[float, ...] | None) -> LogNormal | None:
     """What is known of the true size, from its median and the share by which it may differ."""
     return None if size is None else LogNormal(*size)
@@ -79,7 +74,7 @@ def _noisy(
     """The Gaussian process for noisy bearings."""
     return NoisyGaussianProcessTracker(
         len(prior.start),
-        noise=_noise(section, sensor),
+        noise=bearing_noise(section, sensor),
         window=section.window if section.bin_s is None else section.window_s,
         bin_width=section.bin_s,
         kernel=section.kernel,
@@ -94,29 +89,6 @@ def _noisy(
         linearisations=section.linearisations,
         prior=prior,
         size=size,
-    )
-
-
-def _noise(section: NoiseSection, sensor: BearingSensor) -> BearingNoise:
-    """Noise of a section; the sensor's white part where it has none."""
-    return BearingNoise(
-        sensor.noise if section.std_deg is None else math.radians(section.std_deg),
-        math.radians(section.correlated_deg),
-        section.correlation_s,
-        section.own_std_m,
-        section.estimated,
-    )
-
-
-def configured_noise(section: sections.TrackerSection, sensor: BearingSensor) -> BearingNoise | None:
-    """The noise of bearings that a tracker is given; ``None`` if it takes them for exact or has no model of it."""
-    if isinstance(section, sections.ShapeSection | sections.HeldTurnSection):
-        return _noise(section.noise, sensor)
-    if isinstance(section, sections.GaussianProcessSection):
-        noisy = noise_of(section, sensor)
-        return None if noisy is None else _noise(noisy, sensor)
-    return (
-        BearingNoise(filter_std(section.bearing_std_deg, sensor.noise)) if hasattr(section, "bearing_std_deg") else None
     )
 
 
@@ -149,9 +121,17 @@ def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: Bearing
         speed_stds=section.speed_change_std,
         speed_time=section.speed_time_s,
     )
-    return MotionShapeTracker(
+    made: type[MotionShapeTracker] = MotionShapeTracker
+    own: dict[str, Any] = {}
+    if isinstance(section, sections.MotionSection):
+        own["size"] = _size_prior(section.size)
+        if section.engine == "compiled":
+            from gbt_ocp.pilot.compiled_motion import CompiledMotionTracker as made  # noqa: N813
+
+            own["horizon"] = section.forecast * (section.forecast_period_s or sensor.period)
+    return made(
         len(prior.start),
-        noise=_noise(section.noise, sensor),
+        noise=bearing_noise(section.noise, sensor),
         prior=shape,
         bin_width=section.bin_s,
         window=section.window_s,
@@ -161,13 +141,13 @@ def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: Bearing
         memory=math.inf if section.memory is None else section.memory,
         gate=math.inf if section.gate is None else section.gate,
         position=prior,
-        size=_size_prior(section.size) if isinstance(section, sections.MotionSection) else None,
+        **own,
     )
 
 
 def mixture(section: sections.MixtureSection, prior: PositionPrior, sensor: BearingSensor) -> MixtureTracker:
     """Kind ``mixture``: both Gaussian processes, with the same sensor, speed and range."""
-    shape, noise = motion(section, prior, sensor), _noise(section.noise, sensor)
+    shape, noise = motion(section, prior, sensor), bearing_noise(section.noise, sensor)
     dimension = len(prior.start)
     velocity = NoisyGaussianProcessTracker(
         dimension,
@@ -229,7 +209,7 @@ def held_turn(section: sections.HeldTurnSection, prior: PositionPrior, sensor: B
     )
     return HeldTurnTracker(
         len(prior.start),
-        noise=_noise(section.noise, sensor),
+        noise=bearing_noise(section.noise, sensor),
         prior=motion_prior,
         bin_width=section.bin_s,
         components=section.components,
@@ -238,7 +218,7 @@ def held_turn(section: sections.HeldTurnSection, prior: PositionPrior, sensor: B
     )
 
 
-# ---- the methods that the paper compares with, and their successors -------------------------------------------------
+# ---- filters --------------------------------------------------------------------------------------------------------
 
 
 def _ranged(section: sections.BaselineSection, prior: PositionPrior) -> RangedPrior:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gbt_ocp.experiments.build.estimators import noise_of
+from gbt_ocp.experiments.build.noise import noise_of
 from gbt_ocp.experiments.config.tracker import GaussianProcessSection, ProcessSection, TrackerSection
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.typing import Array

@@ -25,7 +25,9 @@ SizeNumbers = Annotated[tuple[Positive, ...], Field(min_length=2, max_length=2),
 
 
 def _engine() -> Any:
-    return key("numpy", "What does the arithmetic of ekf, and of gp without noise: numpy, or the C of codegen --pilot.")
+    return key(
+        "numpy", "What does the arithmetic of motion_gp, ekf, and gp without noise: numpy, or the C of codegen --pilot."
+    )
 
 
 def _size() -> Any:
@@ -177,6 +179,7 @@ class MotionSection(ShapeSection):
 
     kind: Literal["motion_gp"] = key(..., "Gaussian process on turn rate and log speed.")
     size: SizeNumbers | None = _size()
+    engine: Literal["numpy", "compiled"] = _engine()
 
 
 def _once_each(value: tuple[str, ...]) -> tuple[str, ...]:

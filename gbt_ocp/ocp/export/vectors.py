@@ -99,7 +99,9 @@ def record(planner: AnyPlanner, steps: Sequence[Mapping[str, Any]] | None = None
         row["endpoints"] = plan.endpoints
         row["warm"] = np.array([before is not None])
         row["previous"] = np.zeros((problem.pieces, problem.freedoms)) if before is None else before.top
-        row["begin"] = np.zeros_like(row["state"]) if before is None else before.start
+        row["begin"] = np.zeros(row["state"].size)
+        if before is not None:
+            row["begin"][: before.start.size] = before.start.ravel()
         for name, values in row.items():
             rows.setdefault(name, []).append(np.asarray(values, dtype=float).ravel())
         statuses.append(STATUSES.index(plan.status))

@@ -106,7 +106,7 @@ void gbt_lead_back(const gbt_real *off, gbt_real *top)
     for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = 0;
     for (int i = 0; i < GBT_PIECES; i++) {
         gbt_settle(piece, 0, rest);
-        for (int j = 0; j < GBT_FLAT; j++) top[i * GBT_FREE + j] += piece[GBT_JOINED][j];
+        for (int j = 0; j < GBT_FLAT; j++) top[i * GBT_FREE + j] += *gbt_free(piece, j);
         gbt_next_piece(piece, piece);
     }
 }

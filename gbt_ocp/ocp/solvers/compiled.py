@@ -218,7 +218,7 @@ class CompiledSolver:
         if previous is not None:
             memory.previous[:] = previous.top.ravel().tolist()
             place, begin = self._coordinates.begin(previous.start)
-            memory.place[:], memory.begin[:] = place.tolist(), begin.ravel().tolist()
+            memory.place[:], memory.begin[:] = place.tolist(), begin.tolist()
         return self._step(self._plan, start, objectives, limits, data)
 
     def prepare(self) -> bool:
@@ -260,8 +260,7 @@ class CompiledSolver:
 
     def check(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
         """The same as :class:`gbt_ocp.ocp.check.LimitCheck`, from the compiled limits."""
-        idle = np.zeros((getattr(self._problem, "remembers", 0), trajectory.start.shape[1]))
-        origin, start = self._coordinates.begin(np.vstack([trajectory.start, idle]))
+        origin, start = self._coordinates.begin(trajectory.start)
         top = np.ascontiguousarray(trajectory.top, dtype=float)
         violation = np.empty(len(top))
         stacked = _stacked([values[:, : len(top) + 1] for values in limits])
@@ -303,11 +302,13 @@ class _Coordinates:
     def __init__(self, kernel: ctypes.CDLL, dimension: int) -> None:
         self._kernel = kernel
         self._base = np.zeros(dimension)
+        self._states = kernel.gbt_start_size()
         self._sizes = {name: getattr(kernel, f"gbt_{name}_size")() for name in ("ends", "knots")}
 
     def begin(self, start: Array) -> tuple[Array, Array]:
-        """The origin ``(d,)``, and a start relative to it."""
-        state = np.ascontiguousarray(start, dtype=float)
+        """The origin ``(d,)``, and a start relative to it in a row; what it does not say of the piece before is zero."""
+        state = np.zeros(self._states)
+        state[: start.size] = start.ravel()
         origin, begin = np.empty_like(self._base), np.empty_like(state)
         self._kernel.gbt_begin(*(ctypes.c_void_p(values.ctypes.data) for values in (self._base, state, origin, begin)))
         return origin, begin

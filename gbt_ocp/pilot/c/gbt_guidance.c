@@ -9,7 +9,7 @@
 void gbt_guidance_begin(gbt_guidance *guidance)
 {
     const gbt_pilot_settings *numbers = &gbt_pilot_numbers;
-    gbt_plan_init(&guidance->planner);
+    gbt_plan_init(&guidance->room.planner);
     gbt_follow_init(&guidance->follower, numbers->follow_bandwidth);
     gbt_startup_init(&guidance->startup, numbers->axis, numbers->startup_deviation, numbers->startup_speed,
                      numbers->startup_opening, numbers->startup_leg, (gbt_real)numbers->period);
@@ -30,9 +30,9 @@ void gbt_guidance_begin(gbt_guidance *guidance)
 static int elapsed(const gbt_guidance *guidance, double time, double *seconds)
 {
     const double since = time - guidance->planned_at, period = (double)GBT_PERIOD;
-    const double count = rint(since * GBT_STEPS / period), on_time = count * period / GBT_STEPS;
+    const double count = rint(since * GBT_PERIODS / period), on_time = count * period / GBT_PERIODS;
     *seconds = fabs(since - on_time) <= ON_SCHEDULE ? on_time : since;
-    return count < GBT_STEPS;
+    return count < GBT_PERIODS;
 }
 
 /* Turns the desired bearing to where a plan begins: at the pace that the range allows, or on at the line of sight. */
@@ -75,8 +75,8 @@ static gbt_decision plan(gbt_guidance *guidance, double time, gbt_real flat[GBT_
         gbt_desired_at(&guidance->desired, time + (double)GBT_PERIOD * (i + 1), desired[i]);
     /* the acceleration that acts is that of the first piece of the last plan, if there was one */
     for (int a = 0; a < GBT_STATE; a++)
-        state[a] = a < GBT_MOTION ? flat[a / GBT_FLAT][a % GBT_FLAT] : guidance->planner.previous[0][a - GBT_MOTION];
-    gbt_plan(&guidance->planner, state, &mean[0][0], &covariance[0][0][0], &desired[0][0], &guidance->plan);
+        state[a] = a < GBT_MOTION ? flat[a / GBT_FLAT][a % GBT_FLAT] : guidance->room.planner.previous[0][a - GBT_MOTION];
+    gbt_plan(&guidance->room.planner, state, &mean[0][0], &covariance[0][0][0], &desired[0][0], &guidance->plan);
     if (guidance->plan.origin == GBT_NO_PLAN) return GBT_DECIDED_NOTHING;
     gbt_follow_plan(&guidance->follower, &flat[0][0], &guidance->plan.top[0][0]);
     guidance->planned = 1;
@@ -97,7 +97,7 @@ gbt_decision gbt_guidance_decide(gbt_guidance *guidance, double time, gbt_real f
         case GBT_STARTUP_CROSS: return GBT_DECIDED_CROSS;
         case GBT_STARTUP_NOT_FINITE: return GBT_DECIDED_NOTHING;
         case GBT_STARTUP_RESTART:
-            guidance->planned = guidance->legs_begun = guidance->planner.warm = 0;
+            guidance->planned = guidance->legs_begun = guidance->room.planner.warm = 0;
             break;
         case GBT_STARTUP_PLAN: break;
         }

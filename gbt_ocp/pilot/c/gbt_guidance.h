@@ -3,11 +3,14 @@
 #ifndef GBT_GUIDANCE_H
 #define GBT_GUIDANCE_H
 
+#include <stddef.h>
+
 #include "gbt_desired.h"
 #include "gbt_follow.h"
 #include "gbt_forecast.h"
 #include "gbt_plan.h"
 #include "gbt_startup.h"
+#include "gbt_tracker.h"
 
 GBT_BEGIN_C
 
@@ -18,8 +21,18 @@ typedef enum {
     GBT_DECIDED_NOTHING = 3   /* numbers so large that no plan is finite; nothing was done */
 } gbt_decision;
 
-typedef struct {
+/* The planner, and what the tracker works on in the place of the planner's workspace: they never work at once, and neither
+   keeps anything there. */
+typedef union {
     gbt_planner planner;
+    struct {
+        unsigned char kept[offsetof(gbt_planner, work)];
+        gbt_tracker_work work;
+    } tracking;
+} gbt_workroom;
+
+typedef struct {
+    gbt_workroom room;
     gbt_plan_result plan;  /* the last one that was made */
     gbt_follower follower; /* has taken it */
     gbt_desired desired;

@@ -70,7 +70,7 @@ static int set_back(gbt_intake *intake, gbt_tracker *tracker)
     return refused;
 }
 
-int gbt_intake_settle(gbt_intake *intake, gbt_tracker *tracker)
+int gbt_intake_settle(gbt_intake *intake, gbt_tracker *tracker, gbt_tracker_work *work)
 {
     int refused = 0;
     gbt_sighting *first = &intake->sightings[intake->taken];
@@ -78,7 +78,7 @@ int gbt_intake_settle(gbt_intake *intake, gbt_tracker *tracker)
     if (intake->arrived > 0 && first->time < intake->latest) refused = set_back(intake, tracker);
     while (intake->arrived > 0) {
         gbt_sighting *sighting = &intake->sightings[intake->taken];
-        const int took = gbt_tracker_take(tracker, sighting);
+        const int took = gbt_tracker_take(tracker, work, sighting);
         intake->arrived--;
         if (took) {
             intake->begun = gbt_new_tracks(tracker);

@@ -35,7 +35,7 @@ void gbt_intake_begin(gbt_intake *intake, const gbt_tracker *tracker);
 int gbt_intake_add(gbt_intake *intake, const gbt_sighting *sighting);
 
 /* Gives the tracker what has arrived; returns how many it did not take. */
-int gbt_intake_settle(gbt_intake *intake, gbt_tracker *tracker);
+int gbt_intake_settle(gbt_intake *intake, gbt_tracker *tracker, gbt_tracker_work *work);
 
 GBT_END_C
 

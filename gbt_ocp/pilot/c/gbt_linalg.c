@@ -113,3 +113,39 @@ void gbt_covariance_root(const gbt_real *covariance, int n, gbt_real *l)
         for (int i = 0; i < n; i++) l[i * n + j] *= root;
     }
 }
+
+int gbt_factor_lower(gbt_real *lower, int n)
+{
+    for (int i = 0; i < n; i++) {
+        gbt_real *row = &lower[GBT_ROW(i)], rest;
+        for (int j = 0; j < i; j++) {
+            const gbt_real *above = &lower[GBT_ROW(j)];
+            rest = row[j];
+            for (int k = 0; k < j; k++) rest -= row[k] * above[k];
+            row[j] = rest / above[j];
+        }
+        rest = row[i];
+        for (int k = 0; k < i; k++) rest -= row[k] * row[k];
+        if (!(rest > 0 && isfinite(rest))) return 0;
+        row[i] = gbt_sqrt(rest);
+    }
+    return 1;
+}
+
+void gbt_solve_lower(const gbt_real *lower, int n, gbt_real *x)
+{
+    for (int i = 0; i < n; i++) {
+        const gbt_real *row = &lower[GBT_ROW(i)];
+        for (int k = 0; k < i; k++) x[i] -= row[k] * x[k];
+        x[i] /= row[i];
+    }
+}
+
+void gbt_solve_upper(const gbt_real *lower, int n, gbt_real *x)
+{
+    for (int i = n - 1; i >= 0; i--) {
+        const gbt_real *row = &lower[GBT_ROW(i)];
+        x[i] /= row[i];
+        for (int k = 0; k < i; k++) x[k] -= row[k] * x[i];
+    }
+}

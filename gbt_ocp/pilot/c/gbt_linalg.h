@@ -6,7 +6,8 @@
 
 GBT_BEGIN_C
 
-#define GBT_LARGEST 9 /* rows of a matrix, at most */
+#define GBT_LARGEST 9 /* rows of a matrix that is given in full, at most */
+#define GBT_ROW(i) ((i) * ((i) + 1) / 2) /* where a row of a lower triangle begins that is given row by row; its size */
 
 /* Solves a x = b for so many right-hand sides, a n x n, b n x columns, which x replaces; a is spent. 0 if a is singular. */
 int gbt_solve_square(gbt_real *a, int n, gbt_real *b, int columns);
@@ -20,6 +21,14 @@ void gbt_congruent(const gbt_real *a, const gbt_real *b, int n, gbt_real *out);
 /* l with l l' the covariance: the Cholesky factor, or where there is none, one of which negative eigenvalues are taken
    for round-off. */
 void gbt_covariance_root(const gbt_real *covariance, int n, gbt_real *l);
+
+/* The lower Cholesky factor of a symmetric matrix of n rows, whose lower triangle is given, in its place; 0 if there is
+   none. */
+int gbt_factor_lower(gbt_real *lower, int n);
+
+/* l^-1 x and l^-T x in the place of x, of a lower triangle l. */
+void gbt_solve_lower(const gbt_real *lower, int n, gbt_real *x);
+void gbt_solve_upper(const gbt_real *lower, int n, gbt_real *x);
 
 GBT_END_C
 

@@ -178,7 +178,8 @@ static void settle(gbt_pilot *pilot, double time)
         }
     }
     pilot->waiting = still;
-    pilot->received[GBT_REFUSED] += (unsigned)gbt_intake_settle(&pilot->intake, &pilot->tracker);
+    gbt_tracker_work *work = &pilot->guidance.room.tracking.work;
+    pilot->received[GBT_REFUSED] += (unsigned)gbt_intake_settle(&pilot->intake, &pilot->tracker, work);
 }
 
 /* The thrust of the decision, and the setpoint of its plan. */

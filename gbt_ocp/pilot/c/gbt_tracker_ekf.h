@@ -10,6 +10,7 @@
 GBT_BEGIN_C
 
 typedef gbt_ekf gbt_tracker;
+typedef int gbt_tracker_work; /* it needs none */
 extern const gbt_ekf_settings gbt_tracker_settings; /* generated, in gbt_pilot_settings.c */
 
 /* Nothing taken yet, with the vehicle at start, GBT_DIMENSION. */
@@ -19,8 +20,9 @@ static inline void gbt_tracker_begin(gbt_tracker *tracker, const gbt_real *start
 }
 
 /* Takes a measurement; 0 where it refuses it. */
-static inline int gbt_tracker_take(gbt_tracker *tracker, const gbt_sighting *sighting)
+static inline int gbt_tracker_take(gbt_tracker *tracker, gbt_tracker_work *work, const gbt_sighting *sighting)
 {
+    (void)work;
     return gbt_ekf_take(tracker, &gbt_tracker_settings, sighting);
 }
 

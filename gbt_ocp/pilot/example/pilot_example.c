@@ -36,7 +36,7 @@ static double difference(int k)
 
 static void go_on_from(const gbt_real *plan)
 {
-    memcpy(pilot.guidance.planner.previous, plan, sizeof pilot.guidance.planner.previous);
+    memcpy(pilot.guidance.room.planner.previous, plan, sizeof pilot.guidance.room.planner.previous);
     memcpy(pilot.guidance.follower.top, plan, sizeof pilot.guidance.follower.top);
 }
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from gbt_ocp.models.bearings import rotate_bearing, tangent_basis
 from gbt_ocp.tracking.shape.course import Course, Part, way
-from gbt_ocp.tracking.shape.processes import SLOWER, Operators, ShapePrior, interpolation, operators
+from gbt_ocp.tracking.shape.processes import SLOWER, Operators, ShapePrior, applied, interpolation, operators
 from gbt_ocp.typing import Array
 
 Indices = NDArray[np.intp]
@@ -90,9 +90,20 @@ class MotionShape:
         Time between knots of the turn rate in seconds.
     steps
         Nodes of the integration per knot.
+    reach
+        How far ahead motions are computed at least, in seconds; ``None`` for :data:`AHEAD` spans.
     """
 
-    def __init__(self, dimension: int, prior: ShapePrior, *, span: float, knot: float, steps: int = 2) -> None:
+    def __init__(
+        self,
+        dimension: int,
+        prior: ShapePrior,
+        *,
+        span: float,
+        knot: float,
+        steps: int = 2,
+        reach: float | None = None,
+    ) -> None:
         if dimension not in (2, 3):
             raise ValueError(f"dimension: found {dimension}; allowed: 2, 3")
         if not (knot > 0.0 and span > knot):
@@ -103,11 +114,13 @@ class MotionShape:
         self._span = span
         self._knot = knot
         self._steps = steps
+        self._reach = reach
         heads = dimension + (2 if dimension == 2 else 3)
         self.speed_at, self.heading_at, self.climb_at = dimension, dimension + 1, dimension + 2
         slow = int(np.ceil(span / (SLOWER * knot)))
         fast = SLOWER * slow + 1
         self._slow_knots = slow
+        self._most_blocks = AHEAD * slow if reach is None else max(1, int(np.ceil(reach / (SLOWER * knot) - 1e-9)))
         self._knots = np.asarray(-knot * np.arange(fast), dtype=float)
         self._turn = slice(heads, heads + fast)
         self._speed = slice(heads + fast, heads + fast + slow)
@@ -119,13 +132,18 @@ class MotionShape:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # all that it holds follows from these, and is large
-        again = partial(MotionShape, span=self._span, knot=self._knot, steps=self._steps)
+        again = partial(MotionShape, span=self._span, knot=self._knot, steps=self._steps, reach=self._reach)
         return again, (self.dimension, self.prior)
 
     @property
     def longest_ahead(self) -> float:
         """How far ahead of now motions are computed, in seconds, so that the cost is bounded by the span."""
-        return AHEAD * self._slow_knots * SLOWER * self._knot
+        return self._most_blocks * SLOWER * self._knot
+
+    @property
+    def knots(self) -> tuple[float, float, int, int]:
+        """Knot and span in seconds, slow knots of the past, and those that are computed ahead at most."""
+        return self._knot, self._span, self._slow_knots, self._most_blocks
 
     @property
     def past_nodes(self) -> Array:
@@ -252,7 +270,7 @@ class MotionShape:
 
     def _blocks_ahead(self, horizon: float) -> int:
         wanted = np.ceil(horizon / (SLOWER * self._knot) - 1e-9)
-        return int(np.clip(wanted, 1, AHEAD * self._slow_knots))
+        return int(np.clip(wanted, 1, self._most_blocks))
 
     def _operators_ahead(self, horizon: float) -> Operators:
         blocks = self._blocks_ahead(horizon)
@@ -275,15 +293,15 @@ class MotionShape:
         d, p, theta = self.dimension, self.prior, motions.theta
         turn, speed = there.turn[theta], there.speed[theta]
         blocks = self._blocks(white.shape[1])
-        heading = motions.heading[:, None] + _applied(turn, white[:, blocks[0]])
+        heading = motions.heading[:, None] + applied(turn, white[:, blocks[0]])
         pace = p.speed.median * np.exp(
-            p.speed.log_std * white[:, self.speed_at, None] + _applied(speed, white[:, blocks[1]])
+            p.speed.log_std * white[:, self.speed_at, None] + applied(speed, white[:, blocks[1]])
         )
         velocity = np.stack([pace * np.cos(heading), pace * np.sin(heading)], axis=-1)
         climbs = []
         if d == 3:
             climb = there.climb[theta]
-            angle = p.climb_std * white[:, self.climb_at, None] + _applied(climb, white[:, blocks[2]])
+            angle = p.climb_std * white[:, self.climb_at, None] + applied(climb, white[:, blocks[2]])
             cosine, sine = np.cos(angle), np.sin(angle)
             raised = np.concatenate([-sine[..., None] * velocity, (pace * cosine)[..., None]], axis=-1)
             velocity = np.concatenate([cosine[..., None] * velocity, (pace * sine)[..., None]], axis=-1)
@@ -307,32 +325,23 @@ class MotionShape:
         z = motions.white[:, block]
         found = np.empty((len(motions), len(times)))
         behind = times <= 0.0
-        past = _applied(getattr(self._past, process)[motions.theta], z)
+        past = applied(getattr(self._past, process)[motions.theta], z)
         found[:, behind] = past @ interpolation(self._past.nodes, times[behind]).T
         if not np.all(behind):
             there = self._operators_ahead(float(np.max(times)))
-            future = _applied(getattr(there, process)[motions.theta][:, :, : z.shape[1]], z)
+            future = applied(getattr(there, process)[motions.theta][:, :, : z.shape[1]], z)
             found[:, ~behind] = future @ interpolation(there.nodes, times[~behind]).T
         return found
 
     def _whitened(self, process: Literal["rate", "speed", "climb"], theta: Indices, values: Array) -> Array:
         """Coordinates ``(B, m)`` of the values of a process at the knots."""
-        return _applied(self._inverses[process][theta], values)
+        return applied(self._inverses[process][theta], values)
 
     @cached_property
     def _inverses(self) -> dict[str, Array]:
         slow = SLOWER * self._steps
         return {
-            "rate": _inverse(self._past.rate[:, :: self._steps]),
-            "speed": _inverse(self._past.speed[:, slow::slow]),
-            "climb": _inverse(self._past.climb[:, slow::slow]),
+            "rate": np.asarray(np.linalg.inv(self._past.rate[:, :: self._steps])),
+            "speed": np.asarray(np.linalg.inv(self._past.speed[:, slow::slow])),
+            "climb": np.asarray(np.linalg.inv(self._past.climb[:, slow::slow])),
         }
-
-
-def _inverse(matrices: Array) -> Array:
-    return np.asarray(np.linalg.inv(matrices), dtype=float)
-
-
-def _applied(matrices: Array, vectors: Array) -> Array:
-    """Products of matrices ``(B, i, j)`` and vectors ``(B, j)``."""
-    return np.asarray((matrices @ vectors[..., None])[..., 0])

@@ -123,18 +123,47 @@ def operators(prior: ShapePrior, knot: float, steps: int, past: int, future: int
     integral = np.zeros_like(fast)
     integral[1:] = np.cumsum(0.5 * step * (fast[1:] + fast[:-1]), axis=0)
 
-    kernel = {"matern32": matern32, "ou": ornstein_uhlenbeck}[prior.kernel]
-    grid, identity = prior.grid(), np.eye(len(fast_knots))
-    factors = {
-        (deviation, time): deviation * np.linalg.cholesky(kernel(_lags(fast_knots) / time) + JITTER * identity)
-        for deviation, time in {(point.turn_std, point.turn_time) for point in grid}
-    }
+    grid, factors = prior.grid(), unit_factors(prior, knot, past, future)
+    turned = {time: integral @ factor for time, factor in factors.turn.items()}
+    turning = {time: fast @ factor for time, factor in factors.turn.items()}
+    faster, steeper = slow[:, 1:] @ factors.speed, slow[:, 1:] @ factors.climb
     return Operators(
         nodes,
-        np.stack([integral @ factors[point.turn_std, point.turn_time] for point in grid]),
-        np.stack([fast @ factors[point.turn_std, point.turn_time] for point in grid]),
-        np.stack([_pinned(slow, slow_knots, point.speed_std, point.speed_time) for point in grid]),
-        np.stack([_pinned(slow, slow_knots, point.climb_std, point.climb_time) for point in grid]),
+        np.stack([point.turn_std * turned[point.turn_time] for point in grid]),
+        np.stack([point.turn_std * turning[point.turn_time] for point in grid]),
+        np.stack([point.speed_std * faster for point in grid]),
+        np.stack([point.climb_std * steeper for point in grid]),
+    )
+
+
+class UnitFactors(NamedTuple):
+    """Lower Cholesky factors of the processes at their knots, of deviation 1.
+
+    Attributes
+    ----------
+    turn
+        Of the turn rate, by its time scale in s.
+    speed, climb
+        Of log speed and climb angle, which are zero now; the knot of now is left out.
+    """
+
+    turn: dict[float, Array]
+    speed: Array
+    climb: Array
+
+
+def unit_factors(prior: ShapePrior, knot: float, past: int, future: int) -> UnitFactors:
+    """Factors at the knots of :func:`operators`."""
+    kernel = {"matern32": matern32, "ou": ornstein_uhlenbeck}[prior.kernel]
+    fast_knots = _knots(knot, SLOWER * past, SLOWER * future)
+    slow_knots, identity = _knots(SLOWER * knot, past, future), np.eye(len(fast_knots))
+    return UnitFactors(
+        {
+            float(time): np.asarray(np.linalg.cholesky(kernel(_lags(fast_knots) / time) + JITTER * identity))
+            for time in prior.turn_times
+        },
+        _pinned(slow_knots, prior.speed_time),
+        _pinned(slow_knots, prior.climb_time),
     )
 
 
@@ -147,6 +176,11 @@ def interpolation(nodes: Array, times: Array) -> Array:
     weights[rows, left] = 1.0 - (place - left)
     weights[rows, left + 1] = place - left
     return weights
+
+
+def applied(matrices: Array, vectors: Array) -> Array:
+    """Products of matrices ``(B, i, j)`` and vectors ``(B, j)``."""
+    return np.asarray((matrices @ vectors[..., None])[..., 0])
 
 
 def _knots(spacing: float, past: int, future: int) -> Array:
@@ -162,14 +196,13 @@ def _between(knots: Array, nodes: Array) -> Array:
     return weights
 
 
-def _pinned(weights: Array, knots: Array, deviation: float, time: float) -> Array:
-    """Factor at nodes of an Ornstein-Uhlenbeck process that is zero now, whose first knot is left out."""
+def _pinned(knots: Array, time: float) -> Array:
+    """Factor of an Ornstein-Uhlenbeck process that is zero now, whose first knot is left out."""
     rest = knots[1:]
     since = ornstein_uhlenbeck(rest / time)
-    factor = np.linalg.cholesky(
-        ornstein_uhlenbeck(_lags(rest) / time) - np.outer(since, since) + JITTER * np.eye(len(rest))
+    return np.asarray(
+        np.linalg.cholesky(ornstein_uhlenbeck(_lags(rest) / time) - np.outer(since, since) + JITTER * np.eye(len(rest)))
     )
-    return np.asarray(deviation * weights[:, 1:] @ factor)
 
 
 def _lags(times: Array) -> Array:

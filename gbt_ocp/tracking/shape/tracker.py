@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,18 +17,18 @@ from numpy.typing import ArrayLike
 from gbt_ocp.models.measurements import MeasurementKind, Sighting
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
 from gbt_ocp.tracking.decomposed import SingleNumbers, parts_of
-from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
+from gbt_ocp.tracking.gaps import Gaps
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.polar import ALL_KINDS, WITHOUT_SIZE, checked_sighting
-from gbt_ocp.tracking.priors import LogNormal, PositionPrior, unseen
-from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, WeighedForecasts, relative_range_std
+from gbt_ocp.tracking.priors import LogNormal, PositionPrior
 from gbt_ocp.tracking.shape.fit import Known, Sightings, fit, sightings_root
 from gbt_ocp.tracking.shape.further import further_sightings
 from gbt_ocp.tracking.shape.gate import gated
-from gbt_ocp.tracking.shape.hypotheses import MotionHypotheses, MotionHypothesis, cold_starts, competed
+from gbt_ocp.tracking.shape.hypotheses import MotionHypotheses, cold_starts, competed
 from gbt_ocp.tracking.shape.memory import TrackMemory, precision_root
-from gbt_ocp.tracking.shape.moments import NodeMoments, moments_ahead, moments_behind, moments_now, motion_covariance
+from gbt_ocp.tracking.shape.moments import moments_now
 from gbt_ocp.tracking.shape.motions import Motions, MotionShape
+from gbt_ocp.tracking.shape.outlook import MotionOutlook
 from gbt_ocp.tracking.shape.processes import ShapePrior
 from gbt_ocp.typing import Array
 
@@ -38,7 +39,22 @@ LOST_RESIDUAL = 6.0
 """Mean squared standardised residual of the recent bins above which a track counts as lost."""
 
 
-class MotionShapeTracker(RestartingTracker):
+class MotionSettings(NamedTuple):
+    """What a :class:`MotionShapeTracker` was made with, beside its bins."""
+
+    shape: MotionShape
+    noise: BearingNoise
+    update: float
+    starts: Array
+    hypotheses: int
+    memory: float
+    iterations: int
+    gate: float
+    size: LogNormal | None
+    position: PositionPrior
+
+
+class MotionShapeTracker(MotionOutlook):
     """Tracks a target by the shape of its motion; see :mod:`~gbt_ocp.tracking.shape.motions`.
 
     Parameters
@@ -71,6 +87,9 @@ class MotionShapeTracker(RestartingTracker):
         What is known of the position at the first bearing; by default nothing, with the vehicle at the origin.
     size
         The true size of the target in metres, if angular sizes are measured.
+    reach
+        How far ahead of an estimate motions are computed, in seconds, before they are extrapolated; ``None`` for
+        :data:`~gbt_ocp.tracking.shape.motions.AHEAD` windows.
 
     Attributes
     ----------
@@ -78,6 +97,8 @@ class MotionShapeTracker(RestartingTracker):
         The bearings of the window.
     restarts
         How often the track was lost and begun again.
+    settings
+        What it was made with.
     takes
         Kinds of measurements that :meth:`take` takes.
 
@@ -104,6 +125,7 @@ class MotionShapeTracker(RestartingTracker):
         gate: float = np.inf,
         position: PositionPrior | None = None,
         size: LogNormal | None = None,
+        reach: float | None = None,
     ) -> None:
         if not (update >= 0.0 and hypotheses >= 1 and iterations >= 1 and gate > 0.0 and memory > 0.0):
             raise ValueError(
@@ -117,7 +139,7 @@ class MotionShapeTracker(RestartingTracker):
         # what is remembered may be older than the oldest bin by two updates and the time between two nodes
         knot = knot or 2.0 * bin_width
         span = window + bin_width + (2.0 * update + knot if np.isfinite(memory) else 0.0)
-        self._shape = MotionShape(dimension, self._prior, span=span, knot=knot)
+        self._shape = MotionShape(dimension, self._prior, span=span, knot=knot, reach=reach)
         self._noise = noise
         self._update = update
         p = self._prior.range
@@ -127,11 +149,15 @@ class MotionShapeTracker(RestartingTracker):
         self._gate = gate
         self._remembers = np.isfinite(memory)
         self._memory = TrackMemory(memory, span)
+        position = PositionPrior(np.zeros(dimension)) if position is None else position
+        self.settings = MotionSettings(
+            self._shape, noise, update, self._starts, hypotheses, memory, iterations, gate, size, position
+        )
         self._gaps, self._size = Gaps(span=window), size
         self._others = SingleNumbers(bin_width)
         self.takes: tuple[MeasurementKind, ...] = WITHOUT_SIZE if size is None else ALL_KINDS
         self.restarts = 0
-        self._begin(PositionPrior(np.zeros(dimension)) if position is None else position)
+        self._begin(position)
 
     def _begin(self, position: PositionPrior) -> None:
         self.bins.clear()
@@ -141,9 +167,7 @@ class MotionShapeTracker(RestartingTracker):
         self._own = position.start
         self._first: float | None = None
         self._now = np.nan
-        self._found: MotionHypotheses | None = None
-        self._ahead: NodeMoments | None = None
-        self._behind: NodeMoments | None = None
+        self._found = self._ahead = self._behind = None
         self._reach = self._asked = 0.0
         self._estimates = 0
         self._unfit = 0
@@ -263,86 +287,3 @@ class MotionShapeTracker(RestartingTracker):
             self._memory.clear()
             self.bins.forget_before(self._now - 0.4 * self.bins.window)
             self._estimate(self._now, self._own)
-
-    @property
-    def estimated_at(self) -> float:
-        """Time of the latest estimate in seconds; NaN before the first."""
-        return float(self._now)
-
-    @property
-    def log_evidence(self) -> float:
-        """Logarithm of the density of the mean bearings in the window, in angles; 0 before the first bearing."""
-        return 0.0 if self._found is None else self._found.log_evidence
-
-    @property
-    def hypotheses(self) -> list[MotionHypothesis]:
-        """The distinct motions that fit, likeliest first; none before the first bearing."""
-        return [] if self._found is None else self._found.summary
-
-    @property
-    def range_std_over_range(self) -> float:
-        """Posterior standard deviation of the range now over the range; that of the prior before the first bearing."""
-        if self._found is None:
-            return self._prior.range.log_std
-        now = self._moments_ahead(self._found, 0.0)
-        return float(relative_range_std(now.mean[0], now.covariance[0], np.zeros(self.dimension)))
-
-    @property
-    def range_observable(self) -> bool:
-        """Whether the range is known to a quarter; before, it is mostly the prior's."""
-        return self.range_std_over_range < RANGE_OBSERVABLE
-
-    def _moments_ahead(self, found: MotionHypotheses, horizon: float) -> NodeMoments:
-        horizon = min(horizon, self._shape.longest_ahead)
-        self._asked = max(self._asked, horizon)
-        if self._ahead is None or self._ahead.times[-1] < horizon - 1e-9:
-            # as far as it was asked for after the last estimate, or well beyond what was asked for after this one
-            known = self._reach if self._ahead is None else 2.0 * float(self._ahead.times[-1])
-            longest = max(horizon, known)
-            self._ahead = moments_ahead(self._shape, *found.likely, longest)
-        return self._ahead
-
-    def predict(self, times: ArrayLike) -> Forecast:
-        """Posterior mean ``(K, d)`` and covariance ``(K, d, d)`` at the times ``(K,)`` in seconds.
-
-        Times in the past give the smoothed track, as far as the window reaches. Times further ahead than
-        :attr:`~gbt_ocp.tracking.shape.motions.MotionShape.longest_ahead` are extrapolated (see
-        :meth:`~gbt_ocp.tracking.shape.moments.NodeMoments.at`). Before the first bearing, only the prior on position or
-        range is known.
-        """
-        t = np.atleast_1d(np.asarray(times, dtype=float))
-        found = self._found
-        if found is None:
-            return unseen(self._position, self._prior.range, self._own, len(t))
-        lag = t - self._now
-        mean = np.empty((len(t), self.dimension))
-        covariance = np.empty((len(t), self.dimension, self.dimension))
-        ahead = lag >= 0.0
-        if np.any(ahead):
-            mean[ahead], covariance[ahead] = self._moments_ahead(found, float(lag.max())).at(lag[ahead])
-        if not np.all(ahead):
-            if self._behind is None:
-                self._behind = moments_behind(self._shape, *found.likely)
-            mean[~ahead], covariance[~ahead] = self._behind.at(lag[~ahead])
-        return Forecast(self._own + mean, covariance)
-
-    def motion_at(self, time: float) -> Array | None:
-        """Covariance of position and velocity ``(2d, 2d)``; ``None`` before the first bearing."""
-        if self._found is None:
-            return None
-        times, _, covariance = moments_now(self._shape, *self._found.likely)
-        return motion_covariance(times, covariance, time - self._now)
-
-    def hypotheses_at(self, times: ArrayLike) -> WeighedForecasts:
-        """What each of the distinct motions that fit predicts, at times ``(K,)`` that are not past."""
-        t = np.atleast_1d(np.asarray(times, dtype=float))
-        if self._found is None:
-            return WeighedForecasts(
-                np.ones(1), *(values[None] for values in unseen(self._position, self._prior.range, self._own, len(t)))
-            )
-        lag = np.maximum(t - self._now, 0.0)
-        horizon = min(float(lag.max()), self._shape.longest_ahead)
-        weights, parts = self._found.likely_motions
-        found = [moments_ahead(self._shape, fitted, share, horizon).at(lag) for fitted, share in parts]
-        means, covariances = (np.array(values) for values in zip(*found, strict=True))
-        return WeighedForecasts(weights, self._own + means, covariances)
