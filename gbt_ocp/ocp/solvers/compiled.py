@@ -306,7 +306,7 @@ class _Coordinates:
         self._sizes = {name: getattr(kernel, f"gbt_{name}_size")() for name in ("ends", "knots")}
 
     def begin(self, start: Array) -> tuple[Array, Array]:
-        """The origin ``(d,)``, and a start relative to it in a row; what it does not say of the piece before is zero."""
+        """The origin ``(d,)``, and a start relative to it in a row, zero where it says nothing."""
         state = np.zeros(self._states)
         state[: start.size] = start.ravel()
         origin, begin = np.empty_like(self._base), np.empty_like(state)
