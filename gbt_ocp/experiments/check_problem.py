@@ -91,7 +91,8 @@ def _remarks(configuration: Configuration) -> list[Remark]:
     guidance = planned_of(loop.guidance)
     if guidance is None:
         return [*found, Remark("guidance", f"{type(loop.guidance).__name__}, which plans nothing")]
-    found.extend(_of_terms(guidance.planner.problem))
+    # a planner of one of several vehicles is not written
+    found.extend(one for one in _of_terms(guidance.planner.problem) if channel is None or one.topic != "codegen")
     if isinstance(guidance.planner, AnyPlanner) and not any(map(_is_joint, guidance.planner.problem.objectives)):
         mean = np.asarray(loop.target.position(forecast_times))
         known = Forecast(mean, np.tile(1e-4 * np.eye(configuration.dimension), (len(mean), 1, 1)))
