@@ -28,6 +28,8 @@ TITLES = {
     "limits": "limits besides thrust",
     "desired_bearing": "where the vehicle should be seen from",
     "vehicle": "the vehicle with which is planned",
+    "vehicles": "several vehicles with the same target",
+    "link": "how several vehicles talk",
     "plant": "the vehicle and the water as they are",
     "pilot": "the online loop",
     "replay": "recorded logs",

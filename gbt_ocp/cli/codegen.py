@@ -29,6 +29,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _carry_out(arguments: argparse.Namespace) -> int:
     configuration = load_config(arguments.config, overrides=arguments.set)
+    if configuration.vehicles:
+        count = len(configuration.vehicles)
+        raise ConfigurationError([f"vehicles: found {count}; allowed: none here, what is written is for one vehicle"])
     refuse_unwritable(arguments.out)
 
     from gbt_ocp.experiments.build.loop import build_problem, build_vehicle

@@ -40,12 +40,13 @@ def _carry_out(arguments: argparse.Namespace) -> int:
     out, drawn = save_somewhere(result, asked, figures=not arguments.no_figures)
     _show_summary(result.summary)
     show(f"\n{out}")
-    kept = limits_kept(result.summary["violation_max"], result.summary["retries"]["clipped"])
+    summaries = [result.summary, *(other.summary for other in result.others.values())]
+    broken = [one for one in summaries if not limits_kept(one["violation_max"], one["retries"]["clipped"])]
     if given is not None and out != asked:
         return WRONG_INPUT
     if not drawn:
         return PROGRAM_FAULT
-    return DONE if kept else LIMIT_BROKEN
+    return LIMIT_BROKEN if broken else DONE
 
 
 def limits_kept(violation: float | None, clipped: int) -> bool:
@@ -93,6 +94,9 @@ def _show_summary(summary: Mapping[str, Any]) -> None:
         if value is not None:
             text = f"{value:.4g}" if isinstance(value, float) else str(value)
             show(f"{key:<24}{text:>10} {unit}".rstrip())
+    for key, value in (summary.get("team") or {}).items():
+        text = f"{value:.4g}" if isinstance(value, float) else str(value)
+        show(f"{'team ' + key:<28}{text:>6}")
 
 
 RUN = Subcommand(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gbt_ocp.experiments.build.far_priors import far_priors
-from gbt_ocp.experiments.build.loop import build_loop
+from gbt_ocp.experiments.build.team import build_team
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.guidance.planned import PlannedMotion
@@ -79,7 +79,10 @@ def check_problem(configuration: Configuration) -> list[Remark]:
 def _remarks(configuration: Configuration) -> list[Remark]:
     problem = configuration.problem_object
     found = [Remark("problem", f"{problem.name}: {problem.description}; {configuration.dimension} dimensions")]
-    loop, start = build_loop(configuration)
+    members, channel = build_team(configuration)
+    loop, start = members[0].loop, members[0].start
+    if channel is not None:
+        found.append(Remark("vehicles", ", ".join(member.name for member in members)))
     forecast_times = configuration.forecast_period * np.arange(configuration.tracker.forecast + 1)
     found.append(_of_target(loop.target, configuration.duration_s + forecast_times[-1]))
     found.extend(_of_vehicle(loop.vehicle))
@@ -88,7 +91,8 @@ def _remarks(configuration: Configuration) -> list[Remark]:
     guidance = planned_of(loop.guidance)
     if guidance is None:
         return [*found, Remark("guidance", f"{type(loop.guidance).__name__}, which plans nothing")]
-    found.extend(_of_terms(guidance.planner.problem))
+    # a planner of one of several vehicles is not written
+    found.extend(one for one in _of_terms(guidance.planner.problem) if channel is None or one.topic != "codegen")
     if isinstance(guidance.planner, AnyPlanner) and not any(map(_is_joint, guidance.planner.problem.objectives)):
         mean = np.asarray(loop.target.position(forecast_times))
         known = Forecast(mean, np.tile(1e-4 * np.eye(configuration.dimension), (len(mean), 1, 1)))

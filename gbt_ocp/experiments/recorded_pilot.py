@@ -20,7 +20,8 @@ from gbt_ocp.pilot.compiled_ekf import KINDS_IN_C
 from gbt_ocp.pilot.own_track import Received
 from gbt_ocp.pilot.pilot_health import NOTES
 from gbt_ocp.pilot.piloting import Piloting
-from gbt_ocp.simulation.loop import ClosedLoop, step_count
+from gbt_ocp.simulation.closed_loop import ClosedLoop
+from gbt_ocp.simulation.loop import step_count
 from gbt_ocp.simulation.mover import Mover
 from gbt_ocp.typing import Array
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import html
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Protocol
@@ -14,6 +15,7 @@ import yaml
 from gbt_ocp.files import whole_folder
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.history import History
+from gbt_ocp.simulation.team_history import TeamHistory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,18 +59,22 @@ class Result:
     history
         All steps.
     summary
-        What `summarise` returned.
+        What `summarise` returned; of several vehicles also what `team_numbers` did.
+    others
+        Of several vehicles, the results of all but the first by their names, each without others.
     """
 
     configuration: WritesYaml
     history: History
     summary: dict[str, Any]
+    others: Mapping[str, Result] = field(default_factory=dict)
 
     def plot(self) -> dict[str, Figure]:
         """Draw the run: figures by name (see `gbt_ocp.reporting.figures.draw_figures`); pyplot is not touched."""
         from gbt_ocp.reporting.figures import draw_figures  # matplotlib only when something is drawn
 
-        return draw_figures(self.history, yaml.safe_load(self.configuration.to_yaml()), self.summary)
+        others = {name: other.history for name, other in self.others.items()}
+        return draw_figures(self.history, yaml.safe_load(self.configuration.to_yaml()), self.summary, others)
 
     def save(self, folder: str | os.PathLike[str], figures: bool = True) -> Path:
         """Write the run folder, completely or not at all, and return its path.
@@ -88,6 +94,10 @@ class Result:
         if history:
             self.history.save_npz(folder / run_folder.HISTORY)
         run_folder.write_summary(folder, self.summary)
+        for name, other in self.others.items():
+            own = folder / run_folder.VEHICLES / name
+            own.mkdir(parents=True)
+            other.write(own, history=history, figures=figures)
         if figures:
             from gbt_ocp.reporting.figures import write_figures
 
@@ -106,8 +116,11 @@ class Result:
         """
         path = Path(folder)
         text, _ = run_folder.read_configuration(path)
-        history = History.load_npz(path / run_folder.HISTORY)
-        return cls(RecordedConfiguration(text), history, run_folder.read_summary(path))
+        others = {other.name: cls.load(other) for other in run_folder.others_in(path)}
+        summary = run_folder.read_summary(path)
+        several = bool(others) or path.parent.name == run_folder.VEHICLES
+        history = (TeamHistory if several else History).load_npz(path / run_folder.HISTORY)
+        return cls(RecordedConfiguration(text), history, summary, others)
 
     def to_dataframe(self) -> DataFrame:
         """The history as a ``pandas.DataFrame``, one row a step (see `gbt_ocp.simulation.tabular.dataframe`).

@@ -6,6 +6,7 @@ import math
 import sys
 import warnings
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -14,7 +15,7 @@ from tqdm import tqdm
 
 from gbt_ocp.experiments.build.desired import unreachable_bearings
 from gbt_ocp.experiments.build.far_priors import far_priors
-from gbt_ocp.experiments.build.loop import build_loop
+from gbt_ocp.experiments.build.team import TeamMember, build_team
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.config.schema import Configuration
@@ -28,8 +29,13 @@ from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.ocp.codegen.library import CompilerError
 from gbt_ocp.ocp.planner import AnyPlanner, Planner
 from gbt_ocp.ocp.stiffness import STALLING, kink_widths, stiffness
-from gbt_ocp.simulation.loop import simulate, step_count
+from gbt_ocp.simulation.channel import Channel
+from gbt_ocp.simulation.closed_loop import Recording
+from gbt_ocp.simulation.history import History
+from gbt_ocp.simulation.loop import simulate_together, step_count
 from gbt_ocp.simulation.summary import installed_versions, summarise
+from gbt_ocp.simulation.team_history import TeamHistory
+from gbt_ocp.simulation.team_summary import team_numbers
 from gbt_ocp.tracking.gaps import gap_warning
 
 
@@ -96,20 +102,15 @@ def run(
         raise ValueError("overrides and seed belong to load_config; this configuration is loaded already")
     began = perf_counter()
     try:
-        loop, start = build_loop(configuration)
+        members, channel = build_team(configuration)
     except (ValueError, CompilerError) as fault:
         # What only shows when the parts are put together is still a fault of the input.
         raise ConfigurationError([f"{configuration.name}: {fault}"]) from fault
 
-    doubts = [
-        *far_priors(configuration.tracker, start[0, : configuration.dimension], loop.sensor),
-        *unreachable_bearings(configuration, loop.vehicle),
-        *stalling_penalties(loop.guidance),
-    ]
-    for line in doubts:
-        warnings.warn(f"{configuration.name}: {line}", RuntimeWarning, stacklevel=2)
-    period = configuration.period_s
-    steps = step_count(configuration.duration_s, period)
+    doubts = [_doubts(member) for member in members]
+    for member, lines in zip(members, doubts, strict=True):
+        _warn(member, lines)
+    steps = step_count(configuration.duration_s, configuration.period_s)
     with (
         interrupted_between_steps() as check,
         tqdm(total=steps, disable=not progress, file=sys.stderr, unit="step", desc=configuration.name) as bar,
@@ -121,13 +122,42 @@ def run(
             bar.set_postfix_str(f"error {error:.4f} m{solver}", refresh=False)
             bar.update()
 
-        recording = simulate(loop, start, configuration.duration_s, after_step)
-    history = recording.history
+        recordings = simulate_together(
+            [(member.loop, member.start) for member in members],
+            configuration.duration_s,
+            channel,
+            after_step,
+            History if channel is None else TeamHistory,
+        )
+    wall = perf_counter() - began
+    results = [_result(*one, wall) for one in zip(members, recordings, doubts, strict=True)]
+    return results[0] if channel is None else _together(configuration, members, results, channel)
+
+
+def _doubts(member: TeamMember) -> list[str]:
+    """What is to be said of a vehicle before it runs."""
+    configuration, loop = member.configuration, member.loop
+    return [
+        *far_priors(configuration.tracker, member.start[0, : configuration.dimension], loop.sensor),
+        *unreachable_bearings(configuration, loop.vehicle),
+        *stalling_penalties(loop.guidance),
+    ]
+
+
+def _warn(member: TeamMember, lines: Iterable[str]) -> None:
+    name = ", ".join(filter(None, [member.configuration.name, member.name]))
+    for line in lines:
+        warnings.warn(f"{name}: {line}", RuntimeWarning, stacklevel=3)
+
+
+def _result(member: TeamMember, recording: Recording, doubts: list[str], wall: float) -> Result:
+    """The result of one vehicle."""
+    configuration, loop, history = member.configuration, member.loop, recording.history
     summary = summarise(
         history,
-        period=period,
+        period=configuration.period_s,
         seed=configuration.seed,
-        wall_s=perf_counter() - began,
+        wall_s=wall,
         solver_first_try=history.answered_first,
         retries={
             "tightened": recording.tightened,
@@ -150,8 +180,7 @@ def run(
     )
     if recording.new_tracks:
         afterwards.append(gap_warning(configuration.tracker.kind, recording.new_tracks))
-    for line in afterwards:
-        warnings.warn(f"{configuration.name}: {line}", RuntimeWarning, stacklevel=2)
+    _warn(member, afterwards)
     summary["warnings"] = [*doubts, *afterwards]
     # the configuration has no limits of a problem's own vehicle
     limits = ThrustRange.of(loop.vehicle)
@@ -159,3 +188,19 @@ def run(
     driven = loop.vehicle if isinstance(loop.vehicle, DrivenBody) else None
     summary["inputs"] = None if driven is None else list(driven.input_names[driven.position_dimension])
     return Result(configuration, history, summary)
+
+
+def _together(
+    configuration: Configuration, members: list[TeamMember], results: list[Result], channel: Channel
+) -> Result:
+    """The result of the first of several vehicles, with those of the others."""
+    by_name = {member.name: result for member, result in zip(members, results, strict=True)}
+    numbers = team_numbers(
+        {name: result.history for name, result in by_name.items()},
+        {name: result.summary for name, result in by_name.items()},
+        channel,
+        configuration.limits.separation_m,
+    )
+    first, *others = by_name
+    rest = {name: replace(by_name[name], configuration=configuration) for name in others}
+    return Result(configuration, results[0].history, by_name[first].summary | numbers, rest)

@@ -7,6 +7,7 @@ from gbt_ocp.guidance.helical import HelicalGuidance
 from gbt_ocp.guidance.information import FisherInformation, NearInformation
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull, sigma_points
 from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
+from gbt_ocp.guidance.others import KeepApart, OtherVehicles, SaidPath
 from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
 from gbt_ocp.guidance.past import PastBearings
 from gbt_ocp.guidance.path_information import MotionInformation, PosteriorVariance
@@ -31,9 +32,11 @@ __all__ = [
     "Guidance",
     "HelicalGuidance",
     "InWater",
+    "KeepApart",
     "KnownCurrent",
     "MotionInformation",
     "NearInformation",
+    "OtherVehicles",
     "OverGround",
     "PacedBearing",
     "PastBearings",
@@ -45,6 +48,7 @@ __all__ = [
     "RangeOfHypotheses",
     "RangePull",
     "ReachableRange",
+    "SaidPath",
     "Static",
     "sigma_points",
     "steady_speed",

@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from gbt_ocp.guidance.objectives import NEAR
+from gbt_ocp.guidance.others import lines_of_others
 from gbt_ocp.models.sizes import positive
 from gbt_ocp.ocp.terms import Moments, needed
 from gbt_ocp.ocp.trajectory import FlatPoint
@@ -74,7 +75,8 @@ class FisherInformation:
     ``logdet`` is ``(p/d) log det (J/p)``, ``trace`` is ``tr J/d``, ``min_eigenvalue`` the smallest eigenvalue of J
     (smoothed from below: at least 0.92 of it), and ``condition_number`` is ``-p log κ`` of the same sum without the
     weights, the matrix P of ``eq20`` (smoothed from above). Needs ``forecast`` and ``past`` (information of the
-    window's bearings in the same units, ``(d, d)``).
+    window's bearings in the same units, ``(d, d)``). Bearings that other vehicles will take (``others``, their places
+    at the knots ``(M, p+1, d)``) count like those of the plan.
 
     Parameters
     ----------
@@ -137,11 +139,14 @@ class FisherInformation:
         return count * (ca.log(smooth_smallest(matrix)) - ca.log(smooth_largest(matrix)))
 
     def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
-        """Means ``(p, d, 1)`` and the past ``(p, d, d)``, which is added at the first endpoint."""
+        """Means ``(p, d, 1)``, and what past and other vehicles add ``(p, d, d)``: the past at the first endpoint."""
         forecast: Moments = needed(data, "forecast", self)
+        mean = np.asarray(forecast.mean[:pieces], dtype=float)
         past = np.zeros((pieces, self.dimension, self.dimension))
         past[0] = np.asarray(needed(data, "past", self), dtype=float)
-        return {"mean": np.asarray(forecast.mean[:pieces], dtype=float)[..., None], "past": past}
+        for number, line in lines_of_others(data, mean):
+            past[number] += np.asarray(self.one_bearing(ca.DM(line)))
+        return {"mean": mean[..., None], "past": past}
 
 
 @dataclass(frozen=True)

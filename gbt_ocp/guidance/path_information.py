@@ -20,6 +20,7 @@ import numpy as np
 
 from gbt_ocp.guidance.information import packed, unpacked
 from gbt_ocp.guidance.objectives import NEAR
+from gbt_ocp.guidance.others import lines_of_others
 from gbt_ocp.models.sizes import at_least
 from gbt_ocp.ocp.terms import Moments, needed
 from gbt_ocp.ocp.trajectory import FlatPoint
@@ -121,6 +122,11 @@ def one_sight(line: Any, loadings: Any, rest: Any, variance: Any) -> Any:
     return across / (variance[0] + variance[1] * square + rest)
 
 
+def gained(line: Array, loadings: Array, rest: Array, variance: Array) -> Array:
+    """:func:`one_sight` of numbers: what a bearing of another vehicle adds ``(q, q)``."""
+    return np.asarray(one_sight(ca.DM(line), ca.DM(loadings), ca.DM(rest), ca.DM(variance)), dtype=float)
+
+
 def without_last(matrix: Any, count: int) -> Any:
     """Information about the first coordinates ``(n - count,)`` where nothing is known of the last ones but itself."""
     for _ in range(count):
@@ -159,7 +165,8 @@ class PosteriorVariance:
 
     ``-(p/2) log tr Σ(t_p)``, where Σ is the covariance of a Gaussian process after the window's bearings and one more
     at each endpoint, perpendicular to the line of sight to the forecast's mean, with at most :data:`COORDINATES`
-    coordinates of its path. Needs ``forecast`` and ``joint`` (:class:`JointMoments` at the endpoints).
+    coordinates of its path, and after those of other vehicles (``others``, places at the knots). Needs ``forecast`` and
+    ``joint`` (:class:`JointMoments` at the endpoints).
 
     Parameters
     ----------
@@ -209,8 +216,10 @@ class PosteriorVariance:
         found = coordinates(covariance, pieces, [pieces - 1], self.size - self.dimension)
         known = np.zeros((pieces, self.size, self.size))
         known[0] = found.information
-        mean = np.asarray(forecast.mean[:pieces], dtype=float)[..., None]
-        return {"mean": mean, "loadings": found.loadings, "variance": _variances(joint, found.rest), "known": known}
+        mean, variance = np.asarray(forecast.mean[:pieces], dtype=float), _variances(joint, found.rest)
+        for number, line in lines_of_others(data, mean):
+            known[number] += gained(line, found.loadings[number], variance[number, 2], variance[number])
+        return {"mean": mean[..., None], "loadings": found.loadings, "variance": variance, "known": known}
 
 
 def _variances(joint: JointMoments, rest: Array) -> Array:
@@ -230,7 +239,8 @@ class MotionInformation:
     the velocity, after the bearings until then: ``trace`` is the mean over the stages of ``-(p/2) log tr Σ``,
     ``logdet`` that of ``-(p/(4 d)) (log det Σ(t) + log det Σ(t + ahead))``. Needs ``forecast`` and ``path``
     (:class:`JointMoments` at the endpoints and ``ahead`` after each stage). What the target may do on its way beside
-    going from one position to the other counts as noise of the bearings, so that earlier bearings count less.
+    going from one position to the other counts as noise of the bearings, so that earlier bearings count less. Bearings
+    that other vehicles will take (``others``, their places at the knots) count like those of the plan.
 
     Parameters
     ----------
@@ -307,8 +317,13 @@ class MotionInformation:
             known[0, :, own] = found.information
             loadings[: last + 1, :, own] = found.loadings[: last + 1]
             variance[:, 2 + stage, 0] = found.rest
-        mean = np.asarray(forecast.mean[:pieces], dtype=float)[..., None]
-        return {"mean": mean, "loadings": loadings, "variance": variance, "known": known}
+        mean = np.asarray(forecast.mean[:pieces], dtype=float)
+        for number, line in lines_of_others(data, mean):
+            for stage in range(self.stages):
+                own = slice(stage * width, (stage + 1) * width)
+                rest = variance[number, 2 + stage]
+                known[number, :, own] += gained(line, loadings[number, :, own], rest, variance[number])
+        return {"mean": mean[..., None], "loadings": loadings, "variance": variance, "known": known}
 
 
 def stage_ends(pieces: int, stages: int) -> list[int]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.guidance.others import OtherVehicles
 from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.past import PastBearings
 from gbt_ocp.models.bearings import DesiredBearing
@@ -53,6 +54,8 @@ class PlannedMotion:
         What each of the tracker's hypotheses predicts, for a limit that needs it.
     path
         What the tracker believes at a time of the positions at later times together, for an objective that needs it.
+    others
+        Other vehicles with the same target, whose bearings an information objective counts.
 
     Raises
     ------
@@ -72,6 +75,7 @@ class PlannedMotion:
         joint: Callable[[ArrayLike], Any] | None = None,
         hypotheses: Callable[[ArrayLike], WeighedForecasts] | None = None,
         path: PathForecast | None = None,
+        others: OtherVehicles | None = None,
     ) -> None:
         self.planner = planner
         self.desired = desired
@@ -82,6 +86,7 @@ class PlannedMotion:
         self._joint = joint
         self._hypotheses = hypotheses
         self._path = path
+        self._others = others
         self._seen: Array | None = None
         self._plan: Plan | ShootingPlan | None = None
         self._planned_at = 0.0
@@ -144,6 +149,8 @@ class PlannedMotion:
         }
         if self._past is not None:
             data["past"] = self._past.information
+        if self._others is not None:
+            data["others"] = self._others.places(time, np.concatenate([[time], self._ends(time)]))
         return data
 
     def _ends(self, time: float) -> Array:

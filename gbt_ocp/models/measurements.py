@@ -63,6 +63,8 @@ class Sighting:
         Its name.
     direction
         The unit vector ``(d,)`` of the angles where it is known better than from them; ``None`` otherwise.
+    platform
+        Name of the vehicle that measured it; empty for the own one.
     """
 
     time: float
@@ -72,6 +74,7 @@ class Sighting:
     position: Array
     sensor: str
     direction: Array | None = None
+    platform: str = ""
 
     @classmethod
     def of_bearing(cls, time: float, bearing: Array, position: Array, sensor: str = "sensor") -> Sighting:

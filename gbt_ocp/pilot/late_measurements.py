@@ -26,11 +26,15 @@ class OrderedIntake:
         Its tracker has taken nothing yet.
     late
         Age in seconds up to which a measurement can be late; 0 refuses all that are late.
+    every
+        Time in seconds after which a state is kept; by default ``late``. States that lie closer cost memory, and save
+        measurements that are given again.
     """
 
-    def __init__(self, online: OnlineLoop, late: float) -> None:
+    def __init__(self, online: OnlineLoop, late: float, every: float | None = None) -> None:
         self._online = online
         self._late = late
+        self._every = late if every is None else every
         self._skeleton = Skeleton()
         self._skeleton.explore(online.tracker)
         self._taken: list[Sighting] = []
@@ -51,7 +55,7 @@ class OrderedIntake:
                 continue
             self._taken.append(sighting)
             self.latest = sighting.time
-            if self._states and sighting.time - self._states[-1][0] >= self._late:
+            if self._states and sighting.time - self._states[-1][0] >= self._every:
                 self._keep_state()
         return refused
 

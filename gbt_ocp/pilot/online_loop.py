@@ -105,7 +105,8 @@ class OnlineLoop:
         sighting
             Placed in the earth frame.
         bearing
-            Unit vector ``(d,)`` that a guidance which steers by bearings sees of it; by default the sighting's own.
+            Unit vector ``(d,)`` that a guidance which steers by bearings sees of it; by default the sighting's own. It
+            does not see what another vehicle measured.
 
         Returns
         -------
@@ -118,7 +119,7 @@ class OnlineLoop:
             return False
         finally:
             self._spent += perf_counter() - began
-        if self._sees is not None:
+        if self._sees is not None and not sighting.platform:
             direction = bearing_of(sighting) if bearing is None else bearing
             self._seen = self._seen if direction is None else direction
         count = new_tracks(self.tracker)

@@ -19,6 +19,7 @@ from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.reporting import style
 from gbt_ocp.reporting.drawable import drawable_history
 from gbt_ocp.reporting.range_figure import range_figure
+from gbt_ocp.reporting.team_figure import team_figure
 from gbt_ocp.reporting.trajectories import trajectories
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.history import History
@@ -33,7 +34,12 @@ _ANSWERS: dict[str, dict[str, Any]] = {
 }
 
 
-def draw_figures(history: History, configuration: Mapping[str, Any], summary: Mapping[str, Any]) -> dict[str, Figure]:
+def draw_figures(
+    history: History,
+    configuration: Mapping[str, Any],
+    summary: Mapping[str, Any],
+    others: Mapping[str, History] | None = None,
+) -> dict[str, Figure]:
     """Draw all figures of a run.
 
     Parameters
@@ -45,12 +51,14 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
         lacks it, ``vehicle.thrust_max``.
     summary
         The mapping of ``summary.json``; read are ``settling_s`` and ``thrust_max``.
+    others
+        Of several vehicles, the histories of all but the first by their names.
 
     Returns
     -------
-    Figures by name: ``trajectories``, ``error``, ``condition_number``, ``range`` (if the configuration has a standoff,
-    ``limits.range.nearest_m``), ``hyperparameters`` (if the tracker has any), ``thrust``, and ``solver_time``, or
-    ``tracker_time`` for a guidance without a solver.
+    Figures by name: ``vehicles`` (if there are others), ``trajectories``, ``error``, ``condition_number``, ``range``
+    (if the configuration has a standoff, ``limits.range.nearest_m``), ``hyperparameters`` (if the tracker has any),
+    ``thrust``, and ``solver_time``, or ``tracker_time`` for a guidance without a solver.
 
     Raises
     ------
@@ -76,8 +84,13 @@ def draw_figures(history: History, configuration: Mapping[str, Any], summary: Ma
     thrust_range = ThrustRange(-thrust_max if lower is None else np.asarray(lower, dtype=float), thrust_max)
     settling = summary.get("settling_s")
     nearest = _nearest(configuration)
+    figures: dict[str, Figure] = {}
     with style.styled():
-        figures = {
+        if others:
+            name = next((name for name in summary.get("vehicles") or {} if name not in others), "first")
+            apart = _positive_number(configuration, "limits", "separation_m")
+            figures["vehicles"] = team_figure({name: history, **others}, nearest, apart)
+        figures |= {
             "trajectories": trajectories(history, nearest),
             "error": _error(history, 2.0 if settling is None else float(settling)),
             "condition_number": _condition_number(history),
@@ -107,7 +120,8 @@ def write_figures(run_dir: str | os.PathLike[str]) -> list[Path]:
     folder = Path(run_dir)
     _, configuration = run_folder.read_configuration(folder)
     history = drawable_history(folder)
-    figures = draw_figures(history, configuration, run_folder.read_summary(folder))
+    others = {path.name: drawable_history(path) for path in run_folder.others_in(folder)}
+    figures = draw_figures(history, configuration, run_folder.read_summary(folder), others)
     place = folder / run_folder.FIGURES
     place.mkdir(exist_ok=True)
     paths = []
@@ -135,9 +149,14 @@ def _nearest(configuration: Mapping[str, Any]) -> float | None:
 
 def _forecast_period(configuration: Mapping[str, Any], period: float) -> float:
     """Time between two predicted positions in s: `period` where the configuration says nothing else."""
-    tracker = configuration.get("tracker")
-    found = tracker.get("forecast_period_s") if isinstance(tracker, dict) else None
-    return float(found) if isinstance(found, int | float) and found > 0.0 else period
+    return _positive_number(configuration, "tracker", "forecast_period_s") or period
+
+
+def _positive_number(configuration: Mapping[str, Any], section: str, key: str) -> float | None:
+    """A number above 0 in a section, if it is there."""
+    found = configuration.get(section)
+    value = found.get(key) if isinstance(found, dict) else None
+    return float(value) if isinstance(value, int | float) and value > 0.0 else None
 
 
 def _are_numbers(values: Any, count: int) -> bool:

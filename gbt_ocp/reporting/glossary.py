@@ -41,6 +41,7 @@ RUN_NUMBERS = {
     "seed": ("", "seed of every random draw"),
     "versions": ("", "of Python, the package, its numerics and the platform"),
     "track_settling_s": ("s", "time from which the track is judged: 60 s, or half of a shorter run"),
+    "error_start": ("m", "error of the position now, mean over the first 30 s"),
     "relative_error": ("of the range", "error of the position now over the true range, mean from then on"),
     "relative_error_10s": ("of the range", "error of the position forecast 10 s ahead over the true range now"),
     "nees_mean": ("", "squared error over its covariance, mean; d if the covariance is right"),
@@ -54,8 +55,22 @@ RUN_NUMBERS = {
     "thrust_max": ("N, N m", "limits of the thrust"),
     "thrust_min": ("N, N m", "its lower limits"),
     "inputs": ("", "what the inputs of a vehicle that is not flat are called, else null"),
+    "vehicles": ("", "of several vehicles, numbers of each by its name; all other keys are the first one's"),
+    "team": ("", "of several vehicles, numbers of all together"),
 }
 """Keys of the ``summary.json`` of a run, in the order of the file: unit and meaning."""
+
+TEAM_NUMBERS = {
+    "error_start": ("m", "error of the position now over the first 30 s, mean over the vehicles"),
+    "error_mean": ("m", "tracking error over the run, mean over the vehicles"),
+    "separation_min": ("m", "least distance between two vehicles"),
+    "separation_median": ("m", "median distance of the two that are nearest to each other"),
+    "steps_below_separation": ("", "steps at which two were nearer than `limits.separation_m`"),
+    "packets_sent": ("", "packets, counted once for each vehicle that might hear them"),
+    "packets_lost": ("", "those that were not heard"),
+    "packet_bytes": ("", "size of the largest packet in bytes"),
+}
+"""Keys below ``team``."""
 
 FALLBACK_NUMBERS = {
     "shifted": ("", "the rest of the plan before"),

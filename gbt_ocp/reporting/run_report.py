@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gbt_ocp.files import packaged_text, whole_file
 from gbt_ocp.reporting.drawable import drawable_history
 from gbt_ocp.reporting.figures import draw_figures
-from gbt_ocp.reporting.glossary import FALLBACK_NUMBERS, RETRY_NUMBERS, RUN_NUMBERS
+from gbt_ocp.reporting.glossary import FALLBACK_NUMBERS, RETRY_NUMBERS, RUN_NUMBERS, TEAM_NUMBERS
 from gbt_ocp.simulation import run_folder
 from gbt_ocp.simulation.history import History
 
@@ -26,6 +26,8 @@ MOST_FAILURES = 200
 """Failed solves that are listed one by one."""
 
 _CAPTIONS = {
+    "vehicles": "Paths of all vehicles and of the target from above, errors of the position now, ranges, and the "
+    "distance of the two vehicles nearest to each other. All else on this page is about the first vehicle.",
     "trajectories": "Paths of vehicle and target, and the posterior mean at each step.",
     "error": "Tracking error, mean over the forecast, and its bound by the paper's theorem.",
     "condition_number": "Condition number of the cumulative bearing matrix of the window: 1 is the best.",
@@ -69,13 +71,15 @@ def report_page(run_dir: str | os.PathLike[str]) -> str:
     history = drawable_history(folder)
     summary = run_folder.read_summary(folder)
     title = f"{configuration.get('name', 'run')}, seed {summary.get('seed')}"
-    figures = draw_figures(history, configuration, summary)
+    others = {path.name: drawable_history(path) for path in run_folder.others_in(folder)}
+    figures = draw_figures(history, configuration, summary, others)
     body = [
         f"<h1>{escape(title)}</h1>",
         f"<p>{escape(_in_a_sentence(history, summary))}</p>",
         *(f"<p class='warning'>{escape(str(line))}</p>" for line in summary.get("warnings") or ()),
         "<h2>Summary</h2>",
         _table(("value", "unit", "meaning", "key"), _summary_rows(summary), "summary"),
+        *_team(summary),
         "<p><a href='#glossary'>All keys of <code>summary.json</code></a></p>",
         "<h2>Figures</h2>",
         *(_figure(name, figure) for name, figure in figures.items()),
@@ -110,14 +114,29 @@ def _in_a_sentence(history: History, summary: dict[str, Any]) -> str:
 
 def _summary_rows(summary: dict[str, Any]) -> Iterable[tuple[str, ...]]:
     for key, value in summary.items():
-        if key in ("versions", "warnings", "fallbacks", "retries"):
+        if key in ("versions", "warnings", "fallbacks", "retries", "vehicles", "team"):
             continue  # shown elsewhere
         unit, meaning = RUN_NUMBERS.get(key, ("", ""))
         yield _number(value), unit, meaning, key
 
 
+def _team(summary: dict[str, Any]) -> list[str]:
+    """The numbers of several vehicles, each in a column, and those of all together."""
+    each, team = summary.get("vehicles"), summary.get("team")
+    if not (isinstance(each, dict) and all(isinstance(one, dict) for one in each.values())):
+        return []
+    keys = dict.fromkeys(key for one in each.values() for key in one)
+    rows = [(key, *(_number(one.get(key)) for one in each.values()), RUN_NUMBERS.get(key, ("", ""))[1]) for key in keys]
+    lines = ["<h2>Vehicles</h2>", _table(("key", *map(str, each), "meaning"), rows)]
+    if isinstance(team, dict):
+        found = [(_number(value), *TEAM_NUMBERS.get(key, ("", "")), key) for key, value in team.items()]
+        lines.append(_table(("all together", "unit", "meaning", "key"), found))
+    return lines
+
+
 def _meanings() -> Iterable[tuple[str, ...]]:
-    for above, keys in (("", RUN_NUMBERS), ("fallbacks.", FALLBACK_NUMBERS), ("retries.", RETRY_NUMBERS)):
+    parts = (("", RUN_NUMBERS), ("fallbacks.", FALLBACK_NUMBERS), ("retries.", RETRY_NUMBERS), ("team.", TEAM_NUMBERS))
+    for above, keys in parts:
         for key, (unit, meaning) in keys.items():
             yield f"{above}{key}", unit, meaning
 

@@ -18,8 +18,10 @@ CONFIGURATION = "config.yaml"
 HISTORY = "history.npz"
 SUMMARY = "summary.json"
 FIGURES = "figures"
+VEHICLES = "vehicles"
 PARTS = (CONFIGURATION, HISTORY, SUMMARY)
-"""The files that every run folder has."""
+"""The files that every run folder has. Of several vehicles they are the first one's; those of each other are in a run
+folder of its own, ``vehicles/NAME``."""
 
 NUMERIC = frozenset(
     (
@@ -35,6 +37,11 @@ LISTS = frozenset(("warnings", "thrust_max", "thrust_min", "inputs"))
 
 # Most builds of PyYAML have the fast loader; a sweep reads as many files as it has runs.
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def others_in(folder: Path) -> list[Path]:
+    """Run folders of all but the first of several vehicles, sorted; none of one vehicle."""
+    return sorted(path.parent for path in (folder / VEHICLES).glob(f"*/{CONFIGURATION}"))
 
 
 def strict(value: Any) -> Any:

@@ -54,6 +54,8 @@ class Step:
         True velocity of the water at the vehicle over ground ``(d,)``; ``None`` where it stands still.
     current
         What the guidance knows of it; ``None`` where it plans for still water.
+    heard
+        Packets of other vehicles since the last step, and bearings of theirs that the tracker was given.
     """
 
     time: float
@@ -72,6 +74,7 @@ class Step:
     move: Move
     water: Array | None = None
     current: Current | None = None
+    heard: tuple[int, int] = (0, 0)
 
     @property
     def plan(self) -> Plan | ShootingPlan | None:

@@ -18,6 +18,9 @@ TRACK_SETTLING_S = 60.0
 AHEAD_S = 10.0
 """How far ahead the forecast is scored, and how long the end of a run lasts, in seconds."""
 
+START_S = 30.0
+"""How long the start of a run lasts, in seconds."""
+
 LOST_SHARE = 0.5
 """A run has lost its target if the median error over its end exceeds this share of the range."""
 
@@ -40,14 +43,16 @@ def track_numbers(history: History, forecast_period: float, standoff: float | No
     ``relative_error`` and ``relative_error_10s``, mean error of the position now and 10 s ahead over the true range
     now; ``nees_mean`` and ``nees_mean_10s``, mean ``eᵀΣ⁻¹e``, which is d if calibrated; ``coverage_95`` and
     ``coverage_95_10s``, the share of truth inside the 95 % ellipse. Over the end of the run ``lost``, whether the
-    median relative error exceeds a half. Over all of it ``steps_below_standoff``: samples nearer than the standoff,
+    median relative error exceeds a half. Over the first 30 s ``error_start``, the mean error in m of the position now.
+    Over all of it ``steps_below_standoff``: samples nearer than the standoff,
     from when it was first reached.
     """
     t, d = history.t, history.dimension
     range_ = np.linalg.norm(history.target - history.vehicle_pose[:, :d], axis=1)
     settling = min(TRACK_SETTLING_S, 0.5 * (t[-1] - t[0]))
     settled = (t >= settling - 1e-9) & (range_ > 0.0)
-    numbers: dict[str, Any] = {"track_settling_s": settling}
+    started = t <= t[0] + START_S + 1e-9
+    numbers: dict[str, Any] = {"track_settling_s": settling, "error_start": float(np.mean(history.error[started, 0]))}
     for suffix, ahead in (("", 0.0), ("_10s", AHEAD_S)):
         index = round(ahead / forecast_period)
         if index >= history.error.shape[1] or abs(index * forecast_period - ahead) > 1e-6:

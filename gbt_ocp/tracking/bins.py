@@ -2,12 +2,13 @@
 
 A long window of a fast sensor holds hundreds of bearings that say little more than one mean a second. Bins are aligned
 to multiples of their width, so samples may come at any times, be missed, or stop for a while: an empty bin is not kept.
+Bearings of different vehicles have no mean: each vehicle has bins of its own.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,15 +33,30 @@ class BinnedBearings:
         Mean own positions ``(N, d)`` in metres.
     counts
         Bearings in each mean ``(N,)``, each as often as it is worth.
+    platforms
+        A number for each vehicle that measured ``(N,)``, 0 for the own one; by default all are its own.
     """
 
     times: Array
     bearings: Array
     own_positions: Array
     counts: Array
+    platforms: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+
+    def __post_init__(self) -> None:
+        if len(self.platforms) != len(self.times):
+            object.__setattr__(self, "platforms", np.zeros(len(self.times), dtype=np.intp))
 
     def __len__(self) -> int:
         return len(self.times)
+
+    @property
+    def own(self) -> BinnedBearings:
+        """Those of the own vehicle; all of them if there are none."""
+        mine = self.platforms == 0
+        if mine.all() or not mine.any():
+            return self
+        return BinnedBearings(*(values[mine] for values in vars(self).values()))
 
 
 ENOUGH = 4
@@ -56,6 +72,7 @@ class _Bin:
 
     index: int
     stray: float
+    platform: int = 0
     rows: tuple[Array, ...] = ()
     offsets: tuple[Array, ...] = ()
     suspects: tuple[bool, ...] = ()
@@ -63,8 +80,13 @@ class _Bin:
 
     def with_sample(self, row: Array, offset: Array, suspect: bool, weight: float) -> _Bin:
         """The bin with one sample more."""
-        rows, offsets = (*self.rows, row), (*self.offsets, offset)
-        return _Bin(self.index, self.stray, rows, offsets, (*self.suspects, suspect), (*self.weights, weight))
+        return replace(
+            self,
+            rows=(*self.rows, row),
+            offsets=(*self.offsets, offset),
+            suspects=(*self.suspects, suspect),
+            weights=(*self.weights, weight),
+        )
 
     # of a bin that takes in no more samples they are asked for again and again
 
@@ -138,6 +160,7 @@ class BearingBins:
         self.stray = float(stray)
         self._bins: deque[_Bin] = deque()
         self._latest: float | None = None
+        self._platforms: dict[str, int] = {"": 0}
 
     def __len__(self) -> int:
         return len(self._bins)
@@ -178,6 +201,7 @@ class BearingBins:
         suspect: bool = False,
         weight: float = 1.0,
         same_time: bool = False,
+        platform: str = "",
     ) -> None:
         """Add a bearing ``(d,)`` taken from ``own_position`` ``(d,)`` at ``time`` in seconds.
 
@@ -194,6 +218,8 @@ class BearingBins:
             Number of ordinary bearings that it is worth: the ratio of their variance to its own.
         same_time
             Whether it may have the time of the one before, as another sensor's.
+        platform
+            Name of the vehicle that measured it; empty for the own one.
 
         Raises
         ------
@@ -202,16 +228,25 @@ class BearingBins:
         """
         b, own = self.checked(time, bearing, own_position, same_time=same_time)
         t = float(time)
-        index = int(np.floor(t / self.width))
-        if not self._bins or self._bins[-1].index != index:
-            self._bins.append(_Bin(index, self.stray))
-        one = self._bins[-1]
+        place = self._bin(int(np.floor(t / self.width)), platform)
+        one = self._bins[place]
         if expected is None:
             expected = one.rows[0][1 : 1 + len(b)] if one.rows else b
         sample = np.concatenate([[t], b, own])
-        self._bins[-1] = one.with_sample(sample, log_map(expected, b), suspect, weight)
+        self._bins[place] = one.with_sample(sample, log_map(expected, b), suspect, weight)
         self._latest = t
         self.forget_before(t - self.window)
+
+    def _bin(self, index: int, platform: str) -> int:
+        """Place of the bin of so many widths of a vehicle, which is among the newest or becomes the last."""
+        number = self._platforms.setdefault(platform, len(self._platforms))
+        for place in range(len(self._bins) - 1, -1, -1):
+            if self._bins[place].index != index:
+                break
+            if self._bins[place].platform == number:
+                return place
+        self._bins.append(_Bin(index, self.stray, number))
+        return len(self._bins) - 1
 
     def forget_before(self, time: float) -> None:
         """Drop bins that ended before ``time`` in seconds, but for the newest."""
@@ -233,7 +268,8 @@ class BearingBins:
         first = np.array([one.rows[0][1 : 1 + d] for one in self._bins])
         directions = np.where(length > 1e-3, directions, first)
         directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-        return BinnedBearings(table[:, 0], directions, table[:, 1 + d :], np.array(counts, dtype=float))
+        platforms = np.array([one.platform for one in self._bins], dtype=np.intp)
+        return BinnedBearings(table[:, 0], directions, table[:, 1 + d :], np.array(counts, dtype=float), platforms)
 
     def scatter(self) -> tuple[float, int]:
         """White noise of single bearings: variance in rad², and its degrees of freedom.

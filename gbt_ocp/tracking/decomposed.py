@@ -27,11 +27,22 @@ class SightingParts:
         Its deviation in radians in each direction; NaN if the measurement did not say it.
     singles
         What is no bearing: measurements of one number each.
+    platform
+        Name of the vehicle that measured it; empty for the own one.
     """
 
     bearing: Array | None
     std: float
     singles: tuple[Sighting, ...]
+    platform: str = ""
+
+    def worth(self, std: float) -> float:
+        """How many bearings of a deviation in radians the bearing is worth; one if it did not say its own."""
+        return 1.0 if np.isnan(self.std) else (std / self.std) ** 2
+
+
+BY_ITSELF = SightingParts(None, np.nan, ())
+"""What comes with a bearing that is given by itself."""
 
 
 def parts_of(sighting: Sighting, bearing_std: float) -> SightingParts:
@@ -55,18 +66,19 @@ def parts_of(sighting: Sighting, bearing_std: float) -> SightingParts:
         along, total = float(unit**2 @ sighting.std**2), float(np.sum(sighting.std**2))
         across = np.sqrt((total - along) / (len(unit) - 1))
         distance = replace(sighting, kind="range", value=np.array([far]), std=np.sqrt([along]))
-        return SightingParts(unit, float(across / far), (distance,))
+        return SightingParts(unit, float(across / far), (distance,), sighting.platform)
     if not is_bearing(sighting):
         std = np.where(np.isnan(sighting.std), bearing_std, sighting.std)
-        return SightingParts(None, np.nan, (replace(sighting, std=std),))
+        return SightingParts(None, np.nan, (replace(sighting, std=std),), sighting.platform)
     if len(sighting.std) == 1 or np.all(np.isnan(sighting.std)):
-        return SightingParts(sighting.bearing, float(sighting.std[0]), ())
+        return SightingParts(sighting.bearing, float(sighting.std[0]), (), sighting.platform)
     std = np.where(np.isnan(sighting.std), bearing_std, sighting.std)
     level = max(float(np.cos(sighting.value[1])), LEAST_LEVEL)
     sideways, upwards = float(std[0]) * level, float(std[1])
     blunt, sharp = max(sideways, upwards), min(sideways, upwards)
     if blunt <= ALIKE * sharp:
-        return SightingParts(sighting.bearing, float(np.sqrt(0.5 * (blunt**2 + sharp**2))), ())
+        mean = float(np.sqrt(0.5 * (blunt**2 + sharp**2)))
+        return SightingParts(sighting.bearing, mean, (), sighting.platform)
     rest = 1.0 / np.sqrt(1.0 / sharp**2 - 1.0 / blunt**2)
     which = 0 if sideways < upwards else 1
     scale = level if which == 0 else 1.0
@@ -76,7 +88,7 @@ def parts_of(sighting: Sighting, bearing_std: float) -> SightingParts:
         value=sighting.value[which : which + 1],
         std=np.array([rest / scale]),
     )
-    return SightingParts(sighting.bearing, blunt, (single,))
+    return SightingParts(sighting.bearing, blunt, (single,), sighting.platform)
 
 
 class SingleNumbers:

@@ -74,11 +74,13 @@ class BearingNoise:
 
         Returns
         -------
-        ``R_ij = δ_ij (σ² + own²/r_i²)/n_i + s_c² exp(-|t_i - t_j|/T_c)``, ``(..., N, N)``.
+        ``R_ij = δ_ij (σ² + own²/r_i²)/n_i + s_c² exp(-|t_i - t_j|/T_c)``, ``(..., N, N)``. What lasts is not common
+        to two vehicles.
         """
         white = self.std**2 if white_variance is None else white_variance
         single = (white + (self.own_std / ranges) ** 2) / means.counts
-        matrix = np.broadcast_to(self.correlated(means.times), (*single.shape, single.shape[-1])).copy()
+        lasting = self.correlated(means.times) * (means.platforms[:, None] == means.platforms)
+        matrix = np.broadcast_to(lasting, (*single.shape, single.shape[-1])).copy()
         step = np.arange(single.shape[-1])
         matrix[..., step, step] += single
         return matrix

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, TypeVar, cast
 
 from gbt_ocp.experiments.config.limits import LIMIT_KINDS, LimitsSection
 from gbt_ocp.experiments.config.planner import PlannerSection
 from gbt_ocp.guidance.current import Current
+from gbt_ocp.guidance.others import KeepApart
 from gbt_ocp.guidance.water import OverGround
 from gbt_ocp.ocp import PathConstraint, ThrustChange, ThrustEffort
 from gbt_ocp.ocp.verbs import PosingVerbs
@@ -36,10 +38,11 @@ def with_effort(problem: Posed, section: PlannerSection, vehicle: Any) -> Posed:
     return problem
 
 
-def with_limits(problem: Posed, section: LimitsSection, current: Current | None = None) -> Posed:
+def with_limits(problem: Posed, section: LimitsSection, current: Current | None = None, others: int = 0) -> Posed:
     """The problem subject to the limits of the section: those of ``hard`` at the nodes, the others as penalties.
 
-    With a current, what stands still over ground moves in the problem.
+    With a current, what stands still over ground moves in the problem. So many ``others`` are vehicles to keep apart
+    from.
 
     Raises
     ------
@@ -49,6 +52,10 @@ def with_limits(problem: Posed, section: LimitsSection, current: Current | None 
     for name, limit in LIMIT_KINDS.items():
         value = getattr(section, limit.key)
         for constraint in () if value is None else limit.constraints(value, problem):
+            if isinstance(constraint, KeepApart):
+                if others == 0:
+                    continue
+                constraint = replace(constraint, count=others)
             if current is not None and getattr(constraint, "over_ground", False):
                 constraint = OverGround(cast(PathConstraint, constraint), current, problem.period)
             if name in section.hard:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -14,6 +14,7 @@ from gbt_ocp.experiments.build.objective import build_hypotheses, build_joint, b
 from gbt_ocp.experiments.build.plant import build_plant
 from gbt_ocp.experiments.build.sensors import build_sensor, build_sensors
 from gbt_ocp.experiments.build.trackers import build_tracker
+from gbt_ocp.experiments.build.world import Streams, build_start, build_target
 from gbt_ocp.experiments.config.guidance import (
     CircumnavigationGuidanceSection,
     ConstantForceGuidanceSection,
@@ -24,7 +25,6 @@ from gbt_ocp.experiments.config.guidance import (
     StaticGuidanceSection,
 )
 from gbt_ocp.experiments.config.schema import Configuration
-from gbt_ocp.experiments.config.target import TrackTargetSection, TurningTargetSection
 from gbt_ocp.experiments.config.vehicle import DrivenVehicleSection, FossenVehicleSection, VehicleParametersSection
 from gbt_ocp.guidance.circumnavigation import Circumnavigation
 from gbt_ocp.guidance.current import Current, CurrentObserver, KnownCurrent
@@ -33,6 +33,7 @@ from gbt_ocp.guidance.helical import HelicalGuidance
 from gbt_ocp.guidance.helm import SteeringLimits
 from gbt_ocp.guidance.objectives import RangePull
 from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
+from gbt_ocp.guidance.others import OtherVehicles
 from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.startup import CrossFirst
@@ -42,72 +43,15 @@ from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.contracts import ContractError, made, named
 from gbt_ocp.models.fossen import FossenParameters, FossenVehicle
 from gbt_ocp.models.known_vehicles import KNOWN_DRIVEN, KNOWN_VEHICLES
-from gbt_ocp.models.model_checks import check_target, check_vehicle
-from gbt_ocp.models.targets import Target, TrackTarget, case_target
-from gbt_ocp.models.turning import TurningTarget
+from gbt_ocp.models.model_checks import check_vehicle
+from gbt_ocp.models.targets import Target
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp import AnyPlanner, ShootingProblem, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.follower import BANDWIDTH
-from gbt_ocp.ocp.problem_data import joined_derivatives
-from gbt_ocp.simulation.loop import ClosedLoop
+from gbt_ocp.pilot.teamwork import Exchange
+from gbt_ocp.simulation.closed_loop import ClosedLoop
 from gbt_ocp.tracking.protocol import PositionTracker, Tracker
 from gbt_ocp.typing import Array
-
-
-@dataclass(frozen=True)
-class Streams:
-    """Independent random streams of one seed: a change of the sensor's noise does not move the start."""
-
-    start: np.random.Generator
-    sensor: np.random.Generator
-    guidance: np.random.Generator
-    target: np.random.Generator
-    plant: np.random.Generator
-
-    @classmethod
-    def of(cls, seed: int) -> Streams:
-        """The streams of a seed."""
-        return cls(*(np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(5)))
-
-
-def build_target(configuration: Configuration, rng: np.random.Generator | None = None) -> Target:
-    """The target's motion; ``rng`` for one that is drawn, by default that of the configuration's seed.
-
-    Raises
-    ------
-    ValueError
-        If the problem's own target lacks something, or its motion cannot be drawn or read.
-    """
-    section = configuration.target
-    if isinstance(section, TurningTargetSection):
-        return TurningTarget(
-            configuration.dimension,
-            Streams.of(configuration.seed).target if rng is None else rng,
-            duration=configuration.duration_s + configuration.tracker.forecast * configuration.forecast_period,
-            start=section.start_m or np.zeros(configuration.dimension),
-            speed=section.speed,
-            speed_std=section.speed_std,
-            turn_rate_max=section.turn_rate_max,
-            hold=section.hold_s,
-            climb_rate_max=section.climb_rate_max,
-        )
-    if isinstance(section, TrackTargetSection):
-        return TrackTarget.from_csv(
-            section.path,
-            configuration.dimension,
-            length_scale=section.length_scale,
-            time_scale=section.time_scale,
-            start=section.start_m,
-            start_time=section.start_time_s,
-        )
-    if section.kind == "problem":
-        factory = configuration.problem_object.target
-        assert callable(factory), "checked when the configuration was read"
-        target: Target = made("target", factory)
-        check_target(target, configuration.dimension)
-        return target
-    step = getattr(section, "turn_rate_step", 0.0)
-    return case_target(int(section.kind[-1]), turn_rate_step=step, every_s=getattr(section, "every_s", 10.0))
 
 
 def build_vehicle(configuration: Configuration) -> Any:
@@ -180,7 +124,7 @@ def build_problem(
     else:
         problem = problem.subject_to_penalty(limit, weight=section.weight, width=section.width, nodes=section.nodes)
     problem = with_effort(problem, section, vehicle)
-    problem = with_limits(problem, configuration.limits, current)
+    problem = with_limits(problem, configuration.limits, current, max(len(configuration.vehicles) - 1, 0))
     more = configuration.problem_object.constrain
     if more is None:
         return problem
@@ -216,8 +160,12 @@ def build_guidance(
     desired: DesiredBearing | PacedBearing,
     rng: np.random.Generator,
     tracker: Tracker | PositionTracker | None = None,
+    others: OtherVehicles | None = None,
 ) -> Guidance:
-    """The observer strategy; the tracker for a plan whose objective asks it for more than a forecast."""
+    """The observer strategy; the tracker for a plan whose objective asks it for more than a forecast.
+
+    ``others`` are the other vehicles, if there are any.
+    """
     section = configuration.guidance
     if isinstance(section, StaticGuidanceSection):
         return Static(vehicle)
@@ -246,6 +194,8 @@ def build_guidance(
             range_damping=section.range_damping,
         )
     current = build_current(configuration, vehicle)
+    if others is not None:
+        others.current = current
     planner = build_planner(configuration, vehicle, current)
     objective = planner.problem.objectives[0]
     planned = PlannedMotion(
@@ -258,6 +208,7 @@ def build_guidance(
         joint=build_joint(configuration, objective, tracker),
         hypotheses=build_hypotheses(configuration, tracker),
         path=build_path(configuration, objective, tracker),
+        others=others,
     )
     planned.rehearse()
     strategy = planned if section.startup_deviation == 0.0 else _crossing_first(configuration, planned, vehicle)
@@ -283,47 +234,54 @@ def _crossing_first(configuration: Configuration, planned: PlannedMotion, vehicl
     )
 
 
-def build_start(configuration: Configuration, vehicle: Vehicle, rng: np.random.Generator, target: Array) -> Array:
-    """The continuous derivatives of the flat output at the start ``(k+1, n)``: at rest, at a given place.
-
-    Or somewhere in the box, or at a given distance from where the target starts, ``target`` ``(d,)``; in space within
-    30° of its level. A speed is ahead, along the yaw; a vehicle that is not flat has one of its own.
-    """
-    section, d = configuration.vehicle.start, configuration.dimension
-    place = rng.uniform(-section.box_m, section.box_m, d)
-    if section.range_m is not None:
-        azimuth, elevation = rng.uniform(-math.pi, math.pi), rng.uniform(-0.5, 0.5) if d == 3 else 0.0
-        level = math.sqrt(1.0 - elevation**2)
-        away = [level * math.cos(azimuth), level * math.sin(azimuth), elevation]
-        place = target + section.range_m * np.array(away[:d])
-    plan = configuration.planner
-    joined = 2 if plan.form == "shooting" else joined_derivatives(plan.degree, plan.continuity)
-    flat = np.zeros((joined, vehicle.flat_dimension))
-    flat[0, :d] = place if section.position_m is None else section.position_m
-    if vehicle.flat_dimension > configuration.dimension:
-        flat[0, configuration.dimension] = math.radians(section.yaw_deg)
-    speed = section.speed
-    if speed is None and isinstance(configuration.vehicle, DrivenVehicleSection):
-        speed = KNOWN_DRIVEN[configuration.vehicle.model].cruise
-    yaw = math.radians(section.yaw_deg)
-    flat[1, :2] = (speed or 0.0) * np.array([math.cos(yaw), math.sin(yaw)])
-    return flat
-
-
 def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
-    """The closed loop of a configuration, and where the vehicle starts ``(L, n)``."""
+    """The closed loop of a configuration with one vehicle, and where it starts ``(L, n)``.
+
+    Raises
+    ------
+    ValueError
+        If there are several vehicles, or the parts do not go together.
+    """
+    if configuration.vehicles:
+        count = len(configuration.vehicles)
+        raise ValueError(f"vehicles: found {count}; allowed: none here, several only with run, sweep and check")
     streams = Streams.of(configuration.seed)
+    return build_member(configuration, streams, build_target(configuration, streams.target))
+
+
+def build_member(
+    configuration: Configuration,
+    streams: Streams,
+    target: Target,
+    exchange: Exchange | None = None,
+    others: OtherVehicles | None = None,
+    taken: Sequence[Array] = (),
+) -> tuple[ClosedLoop, Array]:
+    """The closed loop of one vehicle, and where it starts ``(L, n)``.
+
+    Parameters
+    ----------
+    configuration
+        With its own section ``vehicle``.
+    streams
+        Of its random draws.
+    target
+        What it tracks.
+    exchange, others
+        How it talks to other vehicles, and what it hears of them, if there are any.
+    taken
+        Where others start ``(d,)``.
+    """
     vehicle = build_vehicle(configuration)
-    target = build_target(configuration, streams.target)
     desired = paced(configuration, build_desired_bearing(configuration, vehicle), vehicle)
-    start = build_start(configuration, vehicle, streams.start, target.position(0.0))
+    start = build_start(configuration, vehicle, streams.start, target.position(0.0), taken)
     sensor = build_sensor(configuration)
     tracker = build_tracker(configuration.tracker, start[0, : configuration.dimension], sensor)
     loop = ClosedLoop(
         target=target,
         sensor=sensor,
         tracker=tracker,
-        guidance=build_guidance(configuration, vehicle, desired, streams.guidance, tracker),
+        guidance=build_guidance(configuration, vehicle, desired, streams.guidance, tracker, others),
         vehicle=vehicle,
         desired=desired,
         window=configuration.tracker.window,
@@ -338,5 +296,6 @@ def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
         autopilot=configuration.plant.autopilot_s if configuration.command == "setpoint" else None,
         lead=configuration.setpoint_lead,
         input_rate=configuration.limits.input_rate,
+        exchange=exchange,
     )
     return loop, start

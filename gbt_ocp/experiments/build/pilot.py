@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from gbt_ocp.experiments.build.desired import build_desired_bearing
-from gbt_ocp.experiments.build.loop import Streams, build_guidance, build_vehicle, paced
+from gbt_ocp.experiments.build.loop import build_guidance, build_vehicle, paced
 from gbt_ocp.experiments.build.sensors import build_sensor, simulated_sensor
 from gbt_ocp.experiments.build.trackers import build_tracker
+from gbt_ocp.experiments.build.world import Streams
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.config.sensor import SensorSection
 from gbt_ocp.ocp.follower import BANDWIDTH
@@ -15,7 +16,15 @@ from gbt_ocp.pilot.pilot_parts import PilotParts
 
 
 def build_pilot(configuration: Configuration) -> PilotParts:
-    """The parts of a pilot: those of the closed loop without target, sensor and plant."""
+    """The parts of a pilot: those of the closed loop without target, sensor and plant.
+
+    Raises
+    ------
+    ValueError
+        If there are several vehicles, which a pilot does not hear, or the parts do not go together.
+    """
+    if configuration.vehicles:
+        raise ValueError(f"vehicles: found {len(configuration.vehicles)}; allowed: none for a pilot")
     vehicle, sensor = build_vehicle(configuration), build_sensor(configuration)
     desired = paced(configuration, build_desired_bearing(configuration, vehicle), vehicle)
     tracker = build_tracker(configuration.tracker, np.zeros(configuration.dimension), sensor)

@@ -18,6 +18,7 @@ from gbt_ocp.experiments.config.noise import NoisyBearingsSection
 from gbt_ocp.experiments.config.planner import PlannerSection
 from gbt_ocp.experiments.config.schema import Configuration, kinds
 from gbt_ocp.experiments.config.sensor_faults import bearing_noise, sampling_period, sensor_faults, taken_by
+from gbt_ocp.experiments.config.team_faults import team_faults
 from gbt_ocp.experiments.config.tracker import GaussianProcessSection, ShapeSection, TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.vehicle_faults import vehicle_faults
@@ -43,6 +44,7 @@ def inconsistencies(merged: Mapping[str, Any], problem: TrackingProblem | None) 
     if isinstance(value_at(merged, ("tracker", "prior")), Mapping):
         yield from _one_of(merged, ("tracker", "prior"), "std", "covariance")
     yield from vehicle_faults(merged, problem)
+    yield from team_faults(merged, problem)
     yield from sensor_faults(merged, None if problem is None else problem.dimension, taken_by(merged))
     if problem is not None:
         yield from _dimension(merged, problem)

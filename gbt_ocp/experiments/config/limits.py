@@ -194,6 +194,18 @@ def _keep_out(value: tuple[KeepOutZoneSection, ...], problem: PosedProblem) -> I
 
 
 @limit(
+    "separation",
+    "separation_m",
+    Positive | None,
+    key(None, "Least distance in m from where other vehicles said that they will be, beside vehicles."),
+)
+def _separation(value: float, problem: PosedProblem) -> Iterator[Constraint]:
+    from gbt_ocp.guidance.others import KeepApart
+
+    yield KeepApart(problem.vehicle.position_dimension, value)
+
+
+@limit(
     "depth",
     "depth",
     DepthLimitSection | None,

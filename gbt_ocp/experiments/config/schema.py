@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 from pydantic.fields import FieldInfo
 
 from gbt_ocp.experiments.build.tracker_kinds import TRACKERS, TrackerKind
@@ -22,7 +22,7 @@ from gbt_ocp.experiments.config import yaml_dialect as dialect
 from gbt_ocp.experiments.config.allowed import holds_texts
 from gbt_ocp.experiments.config.desired_bearing import DesiredBearingSection
 from gbt_ocp.experiments.config.guidance import AnyGuidance, PlannerGuidanceSection
-from gbt_ocp.experiments.config.keys import Section, key, kinds_in, sections_in
+from gbt_ocp.experiments.config.keys import Section, as_tuples, key, kinds_in, sections_in
 from gbt_ocp.experiments.config.limits import LimitsSection, RangeLimitSection
 from gbt_ocp.experiments.config.pilot import PilotSection
 from gbt_ocp.experiments.config.planner import PlannerSection
@@ -30,6 +30,7 @@ from gbt_ocp.experiments.config.plant import PlantSection
 from gbt_ocp.experiments.config.replay import ReplaySection
 from gbt_ocp.experiments.config.sensor import SENSOR_ALLOWED, AnySensor, SensorSection
 from gbt_ocp.experiments.config.target import AnyTarget
+from gbt_ocp.experiments.config.team import LinkSection, TeamVehicleSection
 from gbt_ocp.experiments.config.tracker import GaussianProcessSection, TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.vehicle import AnyVehicle, FossenVehicleSection
@@ -80,6 +81,12 @@ class Configuration(Section):
         default_factory=DesiredBearingSection, description="How desired bearings turn."
     )
     vehicle: AnyVehicle = Field(default_factory=lambda: FossenVehicleSection(kind="fossen"), description="The vehicle.")
+    vehicles: Annotated[tuple[TeamVehicleSection, ...], BeforeValidator(as_tuples)] = key(
+        (),
+        "Several vehicles with the same target, the first of which a run is about; none is one alone.",
+        "a list of mappings with a name each, at least two of them, or none",
+    )
+    link: LinkSection = Field(default_factory=LinkSection, description="How several vehicles talk.")
     command: Literal["thrust", "setpoint"] = key(
         "thrust",
         "What the vehicle is given: thrust, or setpoints for an autopilot of its own (velocity, heading, depth), of "

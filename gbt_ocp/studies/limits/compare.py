@@ -193,6 +193,11 @@ def _planned(
         for one in loaded
         if not isinstance(one.guidance, PlannerGuidanceSection)
     ]
+    faults += [
+        f"{one.name}: vehicles: found {len(one.vehicles)}; allowed: none here, plans of one vehicle are compared"
+        for one in loaded
+        if one.vehicles
+    ]
     pairs = chosen_pairs(formulations, solvers)
     faults += [
         f"{one.name}: --formulations: found none that fits ({unfit(one, pairs[0])}); allowed: others"

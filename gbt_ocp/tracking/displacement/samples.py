@@ -41,13 +41,23 @@ class SampleStore:
         return store.checked(time, bearing, own)
 
     def append(
-        self, time: float, bearing: Array, own: Array, *, weight: float, expected: Array | None, suspect: bool
+        self,
+        time: float,
+        bearing: Array,
+        own: Array,
+        *,
+        weight: float,
+        expected: Array | None,
+        suspect: bool,
+        platform: str = "",
     ) -> None:
         """Add a bearing, as :meth:`~gbt_ocp.tracking.bins.BearingBins.append`."""
         if self.bins is None:
             self._window.append(time, bearing, own, weight=weight, same_time=True)
         else:
-            self.bins.append(time, bearing, own, expected=expected, suspect=suspect, weight=weight, same_time=True)
+            self.bins.append(
+                time, bearing, own, expected=expected, suspect=suspect, weight=weight, same_time=True, platform=platform
+            )
         self._forget_others()
 
     def _forget_others(self) -> None:
@@ -98,4 +108,5 @@ class SampleStore:
             np.concatenate([bearings.bearings, np.tile(np.eye(d)[0], (count, 1))]),
             np.concatenate([bearings.own_positions, [one.position for one in self.others]]),
             np.concatenate([bearings.counts, np.ones(count)]),
+            np.concatenate([bearings.platforms, np.zeros(count, dtype=np.intp)]),
         )

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from gbt_ocp.models.measurements import MeasurementKind, Sighting
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
-from gbt_ocp.tracking.decomposed import parts_of
+from gbt_ocp.tracking.decomposed import BY_ITSELF, SightingParts, parts_of
 from gbt_ocp.tracking.displacement.fit import Anchor, DisplacementFit, Node, PosteriorMixture
 from gbt_ocp.tracking.displacement.hypotheses import MotionPriors, RangeHypothesis, range_hypotheses
 from gbt_ocp.tracking.displacement.innovations import RECENT_BEARINGS, ResetTest, innovation
@@ -172,23 +172,21 @@ class NoisyGaussianProcessTracker(RestartingTracker):
         checked_sighting(sighting, self.takes, "gp", self.dimension, self._store.latest)
         parts = parts_of(sighting, self._noise.std)
         if parts.bearing is not None:
-            weight = 1.0 if np.isnan(parts.std) else (self._noise.std / parts.std) ** 2
-            self._seen(sighting.time, parts.bearing, sighting.position, weight, parts.singles)
+            self._seen(sighting.time, parts.bearing, sighting.position, parts)
             return
         self._store.others.extend(parts.singles)
         if self._mixture is not None:
             self._condition(None)
 
-    def _seen(
-        self, time: float, bearing: Array, own: Array, weight: float = 1.0, singles: Sequence[Sighting] = ()
-    ) -> None:
-        """Take in a bearing that is worth so many of the configured noise, and what came with it."""
+    def _seen(self, time: float, bearing: Array, own: Array, parts: SightingParts = BY_ITSELF) -> None:
+        """Take in a bearing with its own noise, and what came with it."""
         if self._gaps.ended(time):
             self._restart(own)
-        self._store.others.extend(singles)
+        self._store.others.extend(parts.singles)
+        weight, platform = parts.worth(self._noise.std), parts.platform
         ahead, square = self._innovation(time, bearing, own, weight)
         suspect = square > STRAY**2
-        self._store.append(time, bearing, own, weight=weight, expected=ahead, suspect=suspect)
+        self._store.append(time, bearing, own, weight=weight, expected=ahead, suspect=suspect, platform=platform)
         self._condition(square)
 
     def follow(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:

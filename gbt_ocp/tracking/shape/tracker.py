@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from gbt_ocp.models.measurements import MeasurementKind, Sighting
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
-from gbt_ocp.tracking.decomposed import SingleNumbers, parts_of
+from gbt_ocp.tracking.decomposed import BY_ITSELF, SightingParts, SingleNumbers, parts_of
 from gbt_ocp.tracking.gaps import Gaps
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.polar import ALL_KINDS, WITHOUT_SIZE, checked_sighting
@@ -169,9 +169,8 @@ class MotionShapeTracker(MotionOutlook):
         self._now = np.nan
         self._found = self._ahead = self._behind = None
         self._reach = self._asked = 0.0
-        self._estimates = 0
-        self._unfit = 0
-        self._open = True
+        self._estimates = self._unfit = 0
+        self._open, self._news = True, False
 
     def _restart(self, own: Array) -> None:
         self._begin(self._position.elsewhere(own))
@@ -202,26 +201,29 @@ class MotionShapeTracker(MotionOutlook):
         checked_sighting(sighting, self.takes, "motion_gp", self.dimension, latest)
         parts = parts_of(sighting, self._noise.std)
         if parts.bearing is not None:
-            weight = 1.0 if np.isnan(parts.std) else (self._noise.std / parts.std) ** 2
-            self._seen(sighting.time, parts.bearing, sighting.position, weight, parts.singles)
+            self._seen(sighting.time, parts.bearing, sighting.position, parts)
             return
         self._others.extend(parts.singles)
         if self._found is not None and sighting.time - self._now >= self._update - 1e-9:
             self._estimate(sighting.time, sighting.position)
 
-    def _seen(
-        self, time: float, bearing: Array, own: Array, weight: float = 1.0, singles: Sequence[Sighting] = ()
-    ) -> None:
-        """Take in a bearing that is worth so many of the configured noise, and what came with it."""
+    def _seen(self, time: float, bearing: Array, own: Array, parts: SightingParts = BY_ITSELF) -> None:
+        """Take in a bearing with its own noise, and what came with it."""
         if self._gaps.ended(time):
             self._restart(own)
-        self._others.extend(singles)
+        self._others.extend(parts.singles)
+        weight, platform = parts.worth(self._noise.std), parts.platform
         expected, suspect = self._expected(time, bearing, own, weight)
-        self.bins.append(time, bearing, own, expected=expected, suspect=suspect, weight=weight, same_time=True)
+        self.bins.append(
+            time, bearing, own, expected=expected, suspect=suspect, weight=weight, same_time=True, platform=platform
+        )
         self._others.forget_before(self.bins.begins)
         if self._first is None:
             self._first = time
-        if self._found is None or time - self._now >= self._update - 1e-9:
+        # coordinates are those seen from the own vehicle: what another one saw waits for the next own bearing, and for
+        # the next estimate where the range is known
+        self._news = self._news or (bool(platform) and self._open)
+        if self._found is None or (not platform and (self._news or time - self._now >= self._update - 1e-9)):
             self._estimate(time, own)
 
     def _expected(self, time: float, bearing: Array, own: Array, weight: float) -> tuple[Array | None, bool]:
@@ -231,7 +233,7 @@ class MotionShapeTracker(MotionOutlook):
         return gated(self.predict([time]), bearing, own, self._noise, weight, self._gate)
 
     def _estimate(self, now: float, own: Array) -> None:
-        means, found = self.bins.means(), self._found
+        means, found, self._news = self.bins.means(), self._found, False
         if found is not None:
             motions = self._shape.advanced(found.fit.motions, now - self._now, own - self._own)
             self._now, self._own = now, own
@@ -243,7 +245,7 @@ class MotionShapeTracker(MotionOutlook):
         self._estimates += 1
         # at every estimate while it is open where the target is, now and then afterwards
         if found is None or self._unfit or self._estimates % 5 == 0 or self._open:
-            cold = cold_starts(self._shape, self._starts, means, now, own)
+            cold = cold_starts(self._shape, self._starts, means.own, now, own)
 
             def sight(motions: Motions) -> Sightings:
                 return self._sightings(means, motions)
