@@ -29,6 +29,9 @@ from gbt_ocp.typing import Array
 
 CONFIGURATION = "sea2d_speed"
 
+FORECAST_S = 21.0
+"""Seconds of a track that the forecast needs after the end of a run."""
+
 TRACKERS: dict[str, dict[str, Any]] = {
     "shipped": {},
     "motion_gp": OURS["motion_gp"] | MOTION_IN_VARYING_SPEED,
@@ -61,7 +64,7 @@ def entry(tracker: str, path: Path, longest: float) -> dict[str, Any]:
     if "tracker" in found:
         found["tracker"] |= {"forecast": shipped.forecast, "forecast_period_s": shipped.forecast_period_s}
     target = {"kind": "track", "path": str(path.resolve()), "time_scale": round(factor, 4), "start_m": [0.0, 0.0]}
-    return {**found, "target": target, "duration_s": float(np.floor(min(longest, lasts - 1.0)))}
+    return {**found, "target": target, "duration_s": float(np.floor(min(longest, lasts - FORECAST_S)))}
 
 
 def line(names: list[str], rows: list[dict[str, Any]]) -> str:

@@ -26,9 +26,10 @@ from gbt_ocp.tracking.held.bank import (
     let_go,
     merged,
 )
-from gbt_ocp.tracking.held.held_turn import HeldTurnTracker, mixed_at_median
+from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal, PositionPrior
+from gbt_ocp.tracking.protocol import mixed_at_median
 
 SIGMA = np.deg2rad(1.0)
 PRIOR = HeldTurnPrior(LogNormal(1.0, 0.5), LogNormal(40.0, 0.7), turn_stds=(0.03, 0.06), speed_stds=(0.05, 0.2))

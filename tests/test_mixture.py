@@ -286,16 +286,23 @@ def test_the_keys_of_the_motion_survive_the_change_of_kind():
     assert back.tracker == shipped.tracker
 
 
-def test_a_range_that_the_members_do_not_tell_is_left_to_the_first():
-    """From an observer at rest nothing tells the range, and the means of several models are no model's."""
+def test_a_range_that_the_members_do_not_tell_is_mixed_at_its_median():
+    """From an observer at rest nothing tells the range: the geometric mean of the members' ranges, by their weights."""
     times = np.arange(0.0, 24.0, 0.2)
     target = np.array([40.0, 5.0]) + np.outer(times, [0.2, 0.8])
     tracker = fed(built(), times, target, np.zeros((len(times), 2)))
     assert not tracker.range_observable
-    assert tracker.weights[1] > 0.01
-    ahead = times[-1] + np.array([0.0, 5.0])
-    for found, expected in zip(tracker.predict(ahead), tracker.members["held_turn"].predict(ahead), strict=True):
-        np.testing.assert_allclose(found, expected)
+    weights = tracker.weights
+    assert weights.min() > 0.01
+    said = [member.predict([times[-1]]) for member in tracker.members.values()]
+    ranges = [np.linalg.norm(forecast.mean[0]) for forecast in said]
+    found = tracker.predict([times[-1]])
+    assert np.linalg.norm(found.mean[0]) == pytest.approx(np.exp(weights @ np.log(ranges)))
+    direction = found.mean[0] / np.linalg.norm(found.mean[0])
+    shares = [np.sqrt(direction @ one.covariance[0] @ direction) / r for one, r in zip(said, ranges, strict=True)]
+    variance = weights @ (np.square(shares) + (np.log(ranges) - weights @ np.log(ranges)) ** 2)
+    spread = np.sqrt(direction @ found.covariance[0] @ direction) / np.linalg.norm(found.mean[0])
+    assert spread == pytest.approx(np.sqrt(variance), rel=0.02)
 
 
 def test_the_bound_of_an_angle_far_off_is_uniform():

@@ -38,6 +38,7 @@ from gbt_ocp.tracking.protocol import (
     Tracker,
     WeighedForecasts,
     mixed,
+    mixed_at_median,
     relative_range_std,
 )
 from gbt_ocp.typing import Array
@@ -86,7 +87,7 @@ class MixtureTracker(RestartingTracker):
     dimension
         d.
     members
-        The trackers by name. While the range is not known the first stands for all.
+        The trackers by name. The first stands for all until each of them has begun.
     noise
         Of the sensor.
     bin_width
@@ -211,19 +212,23 @@ class MixtureTracker(RestartingTracker):
     def predict(self, times: ArrayLike) -> Forecast:
         """Posterior mean ``(K, d)`` and covariance ``(K, d, d)`` at the times ``(K,)`` in seconds.
 
-        A model counts while it tells the range, if those that do have at least half of the weight: hypotheses of range
-        over decades have a mean that is nowhere near any of them. Otherwise the first model stands alone.
+        A model counts while it tells the range, if those that do have at least half of the weight. Otherwise all count,
+        and are mixed in direction and log range: ranges over decades have a mean in metres that is near none of them.
         """
         at = np.atleast_1d(np.asarray(times, dtype=float))
-        weights, parts = self._counted
+        told, weights, parts = self._counted
         forecasts = [part.predict(at) for part in parts]
-        return Forecast(*mixed(weights, *map(np.array, zip(*forecasts, strict=True))))
+        means, covariances = map(np.array, zip(*forecasts, strict=True))
+        if told:
+            return Forecast(*mixed(weights, means, covariances))
+        mean, covariance = mixed_at_median(weights, means - self._own, covariances)
+        return Forecast(self._own + mean, covariance)
 
     def hypotheses_at(self, times: ArrayLike) -> WeighedForecasts:
         """What each hypothesis of each model predicts, at times ``(K,)`` that are not past."""
         at = np.atleast_1d(np.asarray(times, dtype=float))
         found = []
-        for weight, part in zip(*self._counted, strict=True):
+        for weight, part in zip(*self._counted[1:], strict=True):
             if isinstance(part, KeepsHypotheses):
                 shares, means, covariances = part.hypotheses_at(at)
             else:
@@ -232,14 +237,22 @@ class MixtureTracker(RestartingTracker):
         return WeighedForecasts(*(np.concatenate(values) for values in zip(*found, strict=True)))
 
     @property
-    def _counted(self) -> tuple[Array, list[Tracker]]:
-        """The models that a forecast is made of, with weights that sum to one."""
-        weights = self.weights
-        known = weights * [self._tells_range(member) for member in self.members.values()]
-        weights = known if known.sum() >= 0.5 else np.eye(len(weights))[0]
+    def _counted(self) -> tuple[bool, Array, list[Tracker]]:
+        """Whether the range is told, and the models that a forecast is made of, with weights that sum to one."""
+        weights, members = self.weights, list(self.members.values())
+        known = weights * [self._tells_range(member) for member in members]
+        told = bool(known.sum() >= 0.5)
+        if told:
+            weights = known
+        elif self._bins.latest is None or not all(self._has_covariance(member) for member in members):
+            weights = np.eye(len(weights))[0]
         likely = weights > LEAST_WEIGHT * weights.sum()
-        parts = [part for part, one in zip(self.members.values(), likely, strict=True) if one]
-        return weights[likely] / weights[likely].sum(), parts
+        parts = [part for part, one in zip(members, likely, strict=True) if one]
+        return told or len(parts) == 1, weights[likely] / weights[likely].sum(), parts
+
+    def _has_covariance(self, member: Tracker) -> bool:
+        """Whether a model has begun; a filter before its first measurement knows no covariance."""
+        return bool(np.all(np.isfinite(member.predict(np.array([self._bins.latest])).covariance)))
 
     def _tells_range(self, member: Tracker) -> bool:
         """Whether a model knows the range to a quarter."""

@@ -196,7 +196,7 @@ class MixtureSection(ShapeSection):
         Field(min_length=1),
     ] = key(
         ("held_turn", "imm_ekf"),
-        "The trackers; the first stands for all while the range is not known.",
+        "The trackers, weighed by evidence.",
         "a list of held_turn, imm_ekf, ekf, motion_gp, each once at most, not empty",
     )
     evidence_s: Positive | None = key(30.0, "Time in s in which evidence fades; null is never.")

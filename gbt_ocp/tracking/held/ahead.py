@@ -2,8 +2,8 @@
 
 A turn rate ω that is held for times of mean h and then drawn again with variance σ² has the mean ``ω e^(-t/h)``, the
 variance ``(1 - e^(-t/h)) (σ² + ω² e^(-t/h))``, and the covariance of two times is ``e^(-(t-s)/h)`` times the variance
-at the earlier one, s. A Gaussian process with independent steps has the same moments, as the deviation of log speed has by
-itself. So nothing is summed over draws to come. Course and log speed at nodes of time are linear in
+at the earlier one, s. A Gaussian process with independent steps has the same moments, as the deviation of log speed has
+by itself. So nothing is summed over draws to come. Course and log speed at nodes of time are linear in
 the state now and in independent draws between the nodes; the position is the integral of the velocity at their means,
 by the trapezoidal rule, and its slopes are integrals of those of the velocity.
 """

@@ -20,7 +20,7 @@ from gbt_ocp.tracking.held.bank import (
 from gbt_ocp.tracking.lost import LostTrack
 from gbt_ocp.tracking.noise import SCATTER_S, BearingNoise
 from gbt_ocp.tracking.priors import PositionPrior, unseen
-from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, mixed, relative_range_std
+from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, mixed, mixed_at_median, relative_range_std
 from gbt_ocp.tracking.shape.moments import NodeMoments
 from gbt_ocp.typing import Array
 
@@ -238,27 +238,6 @@ class HeldTurnTracker(RestartingTracker):
             back = advanced(self._prior, found, float(lag[k]), np.zeros(self.dimension))
             mean[k], covariance[k] = self._moments(back)
         return Forecast(self._own + mean, covariance)
-
-
-def mixed_at_median(weights: Array, means: Array, covariances: Array) -> tuple[Array, Array]:
-    """Moments in direction and log range of M Gaussians relative to the vehicle, mapped to metres at their median.
-
-    Parameters
-    ----------
-    weights
-        ``(M,)``; they sum to one.
-    means, covariances
-        ``(M, K, d)`` in metres and ``(M, K, d, d)`` in m².
-    """
-    ranges = np.maximum(np.linalg.norm(means, axis=-1, keepdims=True), 1e-3)
-    units = means / ranges
-    log_range = np.tensordot(weights, np.log(ranges), 1)
-    middle = np.tensordot(weights, units, 1)
-    middle /= np.maximum(np.linalg.norm(middle, axis=-1, keepdims=True), 1e-9)
-    off = (np.log(ranges) - log_range) * middle + units - middle
-    spread = np.tensordot(weights, covariances / ranges[..., None] ** 2, 1)
-    spread += np.einsum("m,mki,mkj->kij", weights, off, off)
-    return np.exp(log_range) * middle, np.exp(2.0 * log_range)[..., None] * spread
 
 
 def _angles(bearing: Array) -> Array:
