@@ -1,7 +1,7 @@
 """The trackers of noisy bearings under the same guidance at sea: closed loops over seeds.
 
     python benchmarks/sea_closed_loop.py sea2d sea3d sea2d_speed sea3d_speed --seeds 20 --out runs/sea
-    python benchmarks/sea_closed_loop.py sea2d --trackers motion_gp --starts 10 30 100 --seeds 20 --out runs/starts
+    python benchmarks/sea_closed_loop.py sea2d --trackers mixture --starts 10 30 100 --seeds 20 --out runs/starts
 
 One sweep a configuration, kept in the folder and resumed where it stopped; then a table of means over the seeds,
 from 60 s on, and of the worst seed. The recursive filters are given the same as the motion GP: a range of 50 m give or
@@ -45,8 +45,15 @@ SEARCHED = {
     "plkf, compensated": {"process_noise": [3e-4, 1e-3, 3e-3]},
 }
 
-OURS = ["motion_gp", "mixture"]
-"""The tracker that the configurations name, and the same mixed with the velocity's."""
+OURS: dict[str, dict[str, Any]] = {
+    "mixture": {},
+    "motion_gp": {"tracker.kind": "motion_gp"},
+    "held_turn": {"tracker.kind": "held_turn", "tracker.noise.std_deg": 1.15},
+}
+"""The tracker that the configurations name, and two others with the same priors."""
+
+MOTION_IN_VARYING_SPEED = {"tracker.noise.std_deg": 1.5, "tracker.speed_change_std": [0.1, 0.2, 0.4]}
+"""Of motion_gp where the speed varies: more noise than measured, since its model is the larger error."""
 
 NUMBERS = {
     "relative_error": ("now, % of range", 100.0),
@@ -63,7 +70,8 @@ WORST = {"relative_error": max, "relative_error_10s": max, "coverage_95": min, "
 def overrides(configuration: str, tracker: str, **changes: Any) -> dict[str, Any]:
     """Keys of a run: the tracker as shipped, or a rival with the same forecast."""
     if tracker in OURS:
-        return {} if tracker == "motion_gp" else {"tracker.kind": tracker}
+        varying = tracker == "motion_gp" and configuration.endswith("_speed")
+        return OURS[tracker] | (MOTION_IN_VARYING_SPEED if varying else {})
     shipped = gbt.load_config(configuration).tracker
     same = {"forecast": shipped.forecast, "forecast_period_s": shipped.forecast_period_s}
     return {"tracker": {**RIVALS[tracker], **same, **changes}}
@@ -86,7 +94,7 @@ def main() -> None:
     """Print the table as Markdown."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("configurations", nargs="+")
-    parser.add_argument("--trackers", nargs="+", default=["motion_gp", *RIVALS], choices=[*OURS, *RIVALS])
+    parser.add_argument("--trackers", nargs="+", default=["mixture", "motion_gp", *RIVALS], choices=[*OURS, *RIVALS])
     parser.add_argument("--starts", nargs="+", type=float, help="ranges in m to start from")
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--duration", type=float)

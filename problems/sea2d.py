@@ -17,10 +17,10 @@ problem = TrackingProblem(
         "duration_s": 300.0,
         "sensor": {"noise_deg": 1.0, "missed_probability": 0.05},
         "tracker": {
-            "kind": "motion_gp",
+            "kind": "mixture",
             "forecast": 20,
             "forecast_period_s": 1.0,
-            # a lap and a half round the target: with 60 s, errors are half as large again
+            # of motion_gp: a lap and a half round the target; with 60 s, errors are half as large again
             "window_s": 120.0,
             "bin_s": 2.0,
             "turn_kernel": "ou",

@@ -8,6 +8,7 @@ from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.turning import TurningTarget
+from gbt_ocp.tracking.held.ahead import positions_ahead
 from gbt_ocp.tracking.held.bank import (
     AZIMUTH,
     CHANGE,
@@ -28,6 +29,7 @@ from gbt_ocp.tracking.held.bank import (
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal, PositionPrior
+from gbt_ocp.tracking.protocol import mixed_at_median
 
 SIGMA = np.deg2rad(1.0)
 PRIOR = HeldTurnPrior(LogNormal(1.0, 0.5), LogNormal(40.0, 0.7), turn_stds=(0.03, 0.06), speed_stds=(0.05, 0.2))
@@ -291,3 +293,51 @@ def test_impossible_settings_are_refused():
         HeldTurnTracker(2, noise=BearingNoise(SIGMA), prior=PRIOR, components=0)
     with pytest.raises(ValueError, match=r"hold.*allowed: numbers > 0"):
         HeldTurnPrior(LogNormal(1.0, 0.5), LogNormal(40.0, 0.7), hold=0.0)
+
+
+@both_dimensions
+def test_moments_ahead_are_those_of_drawn_motions(dimension):
+    """20,000 motions that hold their turn rate and draw it again, in small steps."""
+    prior = HeldTurnPrior(LogNormal(1.0, 0.3), LogNormal(35.0, 0.5), turn_stds=(0.03,), hold=12.0, speed_stds=(0.1,))
+    n = 6 if dimension == 2 else 8
+    mean = np.array([0.4, np.log(40.0), 0.7, 0.02, 0.1, 0.05, 0.2, 0.05])[:n]
+    deviations = np.array([0.01, 0.03, 0.05, 0.005, 0.03, 0.03, 0.01, 0.02])[:n]
+    given = Components(np.zeros(1), mean[None], np.diag(deviations**2)[None], np.zeros(1, dtype=np.intp))
+    times = np.arange(0.0, 17.0, 2.0)
+    means, covariances = positions_ahead(prior, given, times)
+    rng, count, step = np.random.default_rng(0), 20_000, 0.2
+    states = mean + deviations * rng.standard_normal((count, n))
+    place = Components(np.zeros(count), states, np.zeros((count, n, n)), np.zeros(count, dtype=np.intp)).positions()[0]
+    course, turn, change = states[:, COURSE], states[:, TURN], states[:, CHANGE]
+    climb = states[:, CLIMB] if dimension == 3 else np.zeros(count)
+    keep = np.exp(-step / prior.speed_time)
+    for number in range(81):
+        if number % 10 == 0:
+            node = number // 10
+            root = np.linalg.cholesky(np.cov(place.T))
+            assert np.abs(np.linalg.solve(root, place.mean(axis=0) - means[0, node])).max() < 0.12
+            whitened = np.linalg.solve(root, np.linalg.solve(root, covariances[0, node]).T)
+            np.testing.assert_allclose(
+                whitened, np.eye(dimension), atol=0.15
+            )  # a course off by 0.4 rad is no small one
+        speed = np.exp(states[:, LEVEL] + change)
+        middle = course + 0.5 * step * turn
+        way = np.stack([speed * np.cos(middle), speed * np.sin(middle), climb], axis=-1)[:, :dimension]
+        place, course = place + step * way, course + step * turn
+        change = keep * change + 0.1 * np.sqrt(1.0 - keep**2) * rng.standard_normal(count)
+        again = rng.uniform(size=count) < 1.0 - np.exp(-step / prior.hold)
+        turn = np.where(again, 0.03 * rng.standard_normal(count), turn)
+        climb = np.where(again, prior.climb_std * rng.standard_normal(count), climb)
+
+
+def test_a_range_over_decades_is_reported_at_its_median():
+    """Samples of a log-normal range on one line of sight: median, and the deviation of its logarithm times it."""
+    weights = np.array([0.2, 0.5, 0.3])
+    line, ranges = np.array([0.6, 0.8]), np.exp([3.0, 4.0, 5.5])
+    spread = 0.3 * ranges[:, None, None] * np.outer(line, line)
+    means = (ranges[:, None] * line)[:, None]
+    mean, covariance = mixed_at_median(weights, means, (spread @ np.swapaxes(spread, 1, 2))[:, None])
+    middle = weights @ [3.0, 4.0, 5.5]
+    np.testing.assert_allclose(mean[0], np.exp(middle) * line)
+    variance = 0.09 + weights @ (np.array([3.0, 4.0, 5.5]) - middle) ** 2
+    np.testing.assert_allclose(covariance[0], np.exp(2.0 * middle) * variance * np.outer(line, line))

@@ -109,7 +109,7 @@ def test_kinds_of_a_family_share_its_keys():
     assert kept_keys(TRACKERS["ekf"], TRACKERS["imm_ekf"]) == shared
     assert kept_keys(TRACKERS["lmc"], TRACKERS["gp"]) == shared | {"centre", "length_scale", "nugget", "bound_delta"}
     assert kept_keys(TRACKERS["mixture"], TRACKERS["motion_gp"]) >= shared | {"noise", "speed", "range", "memory"}
-    assert "velocity_time_s" not in kept_keys(TRACKERS["mixture"], TRACKERS["motion_gp"])
+    assert "evidence_s" not in kept_keys(TRACKERS["mixture"], TRACKERS["motion_gp"])
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from gbt_ocp.typing import Array
 
 SURE_OF_SCATTER = 20
 """Degrees of freedom of the scatter in the bins with which the prior σ weighs, where σ is estimated."""
+
+SCATTER_S = 30.0
+"""Seconds of short bins that are kept, from which the noise is estimated where that is asked for."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,28 @@ class BearingNoise:
         if freedom == 0:
             return self.std**2
         return (freedom * variance + SURE_OF_SCATTER * self.std**2) / (freedom + SURE_OF_SCATTER)
+
+    def of_mean(self, count: float, width: float, ranges: Any, white_variance: float) -> Any:
+        """Variance in rad² of the mean of ``count`` bearings in a bin, that of the lasting part as white noise.
+
+        Parameters
+        ----------
+        count
+            Bearings in the bin.
+        width
+            Of the bin in seconds.
+        ranges
+            Predicted range in metres, a number or an array.
+        white_variance
+            σ² in rad² of a single bearing.
+
+        Returns
+        -------
+        As ``ranges``. A part of deviation s that lasts T has the effect of white noise with the variance
+        ``s² max(1, 2T/width)`` a bin.
+        """
+        lasting = self.correlated_std**2 * max(1.0, 2.0 * self.correlation_time / width)
+        return (white_variance + (self.own_std / ranges) ** 2) / count + lasting
 
     def correlated(self, times: Array) -> Array:
         """Covariance of the correlated part at the times ``(N,)`` in seconds: ``(N, N)`` in rad²."""

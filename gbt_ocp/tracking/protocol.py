@@ -68,6 +68,27 @@ def mixed(weights: Array, means: Array, covariances: Array) -> tuple[Array, Arra
     return mean, symmetric(covariance)
 
 
+def mixed_at_median(weights: Array, means: Array, covariances: Array) -> tuple[Array, Array]:
+    """Moments in direction and log range of M Gaussians relative to the vehicle, mapped to metres at their median.
+
+    Parameters
+    ----------
+    weights
+        ``(M,)``; they sum to one.
+    means, covariances
+        ``(M, K, d)`` in metres and ``(M, K, d, d)`` in m².
+    """
+    ranges = np.maximum(np.linalg.norm(means, axis=-1, keepdims=True), 1e-3)
+    units = means / ranges
+    log_range = np.tensordot(weights, np.log(ranges), 1)
+    middle = np.tensordot(weights, units, 1)
+    middle /= np.maximum(np.linalg.norm(middle, axis=-1, keepdims=True), 1e-9)
+    off = (np.log(ranges) - log_range) * middle + units - middle
+    spread = np.tensordot(weights, covariances / ranges[..., None] ** 2, 1)
+    spread += np.einsum("m,mki,mkj->kij", weights, off, off)
+    return np.exp(log_range) * middle, np.exp(2.0 * log_range)[..., None] * spread
+
+
 @runtime_checkable
 class KeepsHypotheses(Protocol):
     """A tracker that may believe in several motions at once."""

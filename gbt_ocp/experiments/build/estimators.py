@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from gbt_ocp.experiments.build.mixture_members import mixture_member
 from gbt_ocp.experiments.build.noise import bearing_noise, noise_of
 from gbt_ocp.experiments.config import tracker as sections
 from gbt_ocp.experiments.config.noise import NoisyBearingsSection, filter_std
@@ -20,13 +21,11 @@ from gbt_ocp.tracking.filters.imm import ImmPositionTracker, ImmPseudoLinearTrac
 from gbt_ocp.tracking.filters.orthogonality import OrthogonalityTracker
 from gbt_ocp.tracking.filters.plkf import PseudoLinearKalmanFilter
 from gbt_ocp.tracking.filters.polynomial import PolynomialRegression
-from gbt_ocp.tracking.filters.watched import WatchedFilter
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.gp.lmc import CoregionalizedTracker
 from gbt_ocp.tracking.held.bank import HeldTurnPrior
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
-from gbt_ocp.tracking.mixture import MixtureTracker, velocity_scale
-from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.mixture import MixtureTracker
 from gbt_ocp.tracking.priors import LogNormal, PositionPrior, RangedPrior
 from gbt_ocp.tracking.protocol import Tracker
 from gbt_ocp.tracking.shape.processes import ShapePrior
@@ -146,54 +145,20 @@ def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: Bearing
 
 
 def mixture(section: sections.MixtureSection, prior: PositionPrior, sensor: BearingSensor) -> MixtureTracker:
-    """Kind ``mixture``: both Gaussian processes, with the same sensor, speed and range."""
-    shape, noise = motion(section, prior, sensor), bearing_noise(section.noise, sensor)
-    dimension = len(prior.start)
-    velocity = NoisyGaussianProcessTracker(
-        dimension,
-        noise=noise,
-        bins=shape.bins,
-        kernel="velocity_matern32",
-        priors=MotionPriors(
-            velocity_scale(LogNormal(section.speed.median, section.speed.log_std), dimension),
-            LogNormal(section.velocity_time_s, math.log(2.0)),
-            LogNormal(section.range.median_m, section.range.log_std),
-            2.0 * section.range.median_m,
-        ),
-        prior=prior,
+    """Kind ``mixture``: its members, with the same sensor, speed and range."""
+    noise = bearing_noise(section.noise, sensor)
+    members: dict[str, Tracker] = {
+        name: motion(section, prior, sensor) if name == "motion_gp" else mixture_member(name, section, prior, noise)
+        for name in section.members
+    }
+    return MixtureTracker(
+        len(prior.start),
+        members,
+        noise,
+        bin_width=2.0 * section.member_bin_s,
+        gate=math.inf if section.gate is None else section.gate,
+        forgetting=section.evidence_s or math.inf,
     )
-    others = [_member(name, section, prior, noise) for name in section.members]
-    return MixtureTracker(shape, velocity, noise, others=others, forgetting=section.evidence_s or math.inf)
-
-
-FILTER_NOISE = {"ekf": (1.0e-2, 0.0), "imm_ekf": (1.0e-5, 1.0e-4)}
-"""Process and jerk noise in SI units of the filters in a mixture: found best at sea, on seeds that no table uses."""
-
-FILTER_MODES = {"stay_probability": 0.99, "turn_rate_max": 0.1}
-"""Of imm_ekf in a mixture, at ten bearings a second."""
-
-
-def _member(name: str, section: sections.MixtureSection, prior: PositionPrior, noise: BearingNoise) -> Tracker:
-    """A further tracker of a mixture, with the same sensor, speed and range."""
-    speed = LogNormal(section.speed.median, section.speed.log_std)
-    if name == "held_turn":
-        range_ = LogNormal(section.range.median_m, section.range.log_std)
-        motion_prior = HeldTurnPrior(speed, range_, hold=section.hold_s, speed_stds=section.speed_change_std)
-        gate = math.inf if section.gate is None else section.gate
-        return HeldTurnTracker(len(prior.start), noise=noise, prior=motion_prior, gate=gate, position=prior)
-    process, jerk = FILTER_NOISE[name]
-
-    def make(position: PositionPrior) -> Tracker:
-        ranged = RangedPrior(position.start, position.mean, position.covariance, range=section.range.median_m)
-        guess = FirstGuess(ranged, section.range.log_std * section.range.median_m, speed.median)
-        if name == "ekf":
-            return ExtendedKalmanFilter(guess, process_noise=process, bearing_std=noise.std)
-        models = InteractingMultipleModel(
-            initial_variance=speed.median**2, process_noise=process, jerk_noise=jerk, **FILTER_MODES
-        )
-        return ImmExtendedTracker(guess, models, bearing_std=noise.std)
-
-    return WatchedFilter(make, prior, noise.std)
 
 
 def held_turn(section: sections.HeldTurnSection, prior: PositionPrior, sensor: BearingSensor) -> HeldTurnTracker:

@@ -114,7 +114,7 @@ TRACKERS = {
         TrackerKind(
             sections.MixtureSection,
             _builder("mixture"),
-            "motion_gp, a Gaussian process on the velocity and held_turn, weighed by the bearings each foretold",
+            "held turn rates and interacting models, weighed by how well each foretold the bearings of late",
             sections.ShapeSection,
         ),
         TrackerKind(

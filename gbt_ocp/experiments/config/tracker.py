@@ -189,19 +189,26 @@ def _once_each(value: tuple[str, ...]) -> tuple[str, ...]:
 
 
 class MixtureSection(ShapeSection):
-    """Gaussian processes on the shape of the motion and on the velocity, and other trackers."""
+    """Trackers with different ideas of motion."""
 
-    kind: Literal["mixture"] = key(..., "Gaussian processes on the motion's shape and on the velocity.")
-    velocity_time_s: float = key(
-        20.0,
-        "Median time scale of the velocity in s; scales from a quarter to four times as long are averaged over.",
+    kind: Literal["mixture"] = key(..., "Trackers with different ideas of motion, weighed by evidence.")
+    members: Annotated[
+        tuple[Literal["held_turn", "imm_ekf", "ekf", "motion_gp"], ...],
+        BeforeValidator(as_tuples),
+        AfterValidator(_once_each),
+        Field(min_length=1),
+    ] = key(
+        ("held_turn", "imm_ekf"),
+        "The trackers, weighed by evidence.",
+        "a list of held_turn, imm_ekf, ekf, motion_gp, each once at most, not empty",
+    )
+    evidence_s: Positive | None = key(30.0, "Time in s in which evidence fades; null is never.")
+    member_bin_s: float = key(
+        0.5,
+        "Width in s of the bins of held_turn, imm_ekf and ekf; evidence counts twice that. motion_gp has bin_s.",
         gt=0.0,
     )
-    members: Annotated[
-        tuple[Literal["held_turn", "imm_ekf", "ekf"], ...], BeforeValidator(as_tuples), AfterValidator(_once_each)
-    ] = key(("held_turn",), "Trackers beside these two.", "a list of held_turn, imm_ekf, ekf, each once at most")
-    evidence_s: Positive | None = key(30.0, "Time in s in which evidence fades; null is that of the window, all alike.")
-    hold_s: float = key(20.0, "Mean time in s for which held_turn takes a turn rate to be held.", gt=0.0)
+    hold_s: float = key(20.0, "Mean time in s for which a turn is held; the time scale of the members' motion.", gt=0.0)
 
 
 class HeldTurnSection(TrackerSection):
@@ -218,7 +225,7 @@ class HeldTurnSection(TrackerSection):
     )
     hold_s: float = key(20.0, "Mean time in s for which a turn rate is held.", gt=0.0)
     speed_change_std: PositiveNumbers = key(
-        (0.03, 0.1, 0.3), "Standard deviations of the change of log speed, averaged over."
+        (0.03, 0.2), "Standard deviations of the change of log speed, averaged over."
     )
     speed_time_s: float = key(30.0, "Time scale of the change of log speed in s.", gt=0.0)
     climb_std: float = key(0.1, "Standard deviation of a vertical speed when it is drawn, in m/s, in space.", gt=0.0)

@@ -81,7 +81,13 @@ def settings(kind: str, recording: RecordedRun) -> dict[str, Any]:
             },
         },
         "motion_gp": {**shape, **size},
-        "mixture": {**shape, "velocity_time_s": 20.0 * pace},
+        "mixture": {
+            **shape,
+            "noise": {"std_deg": degrees},
+            "member_bin_s": 0.5 * pace,
+            "hold_s": 20.0 * pace,
+            "evidence_s": 30.0 * pace,
+        },
         "held_turn": {
             **priors,
             "noise": {"std_deg": degrees},

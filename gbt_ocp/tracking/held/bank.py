@@ -73,7 +73,7 @@ class HeldTurnPrior:
     range: LogNormal
     turn_stds: tuple[float, ...] = (0.03,)
     hold: float = 20.0
-    speed_stds: tuple[float, ...] = (0.03, 0.1, 0.3)
+    speed_stds: tuple[float, ...] = (0.03, 0.2)
     speed_time: float = 30.0
     climb_std: float = 0.1
 
@@ -132,6 +132,14 @@ class Components:
         weights = self.weights
         keep = np.argsort(-weights, kind="stable")[:most]
         return self[keep[weights[keep] > FORGOTTEN]]
+
+    @property
+    def range_deviation(self) -> float:
+        """Standard deviation of the log range."""
+        weights = self.weights
+        mean = weights @ self.means[:, LOG_RANGE]
+        off = self.means[:, LOG_RANGE] - mean
+        return float(np.sqrt(weights @ (self.covariances[:, LOG_RANGE, LOG_RANGE] + off**2)))
 
     def positions(self) -> tuple[Array, Array]:
         """Positions relative to the vehicle at the modes ``(N, d)``, and their slopes ``(N, d, n)``."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.tracking.bins import BearingBins
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
+from gbt_ocp.tracking.held.ahead import positions_ahead
 from gbt_ocp.tracking.held.bank import (
     LOG_RANGE,
     Components,
@@ -16,18 +15,14 @@ from gbt_ocp.tracking.held.bank import (
     advanced,
     begun,
     corrected,
-    drawn,
     let_go,
-    merged,
 )
-from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.lost import LostTrack
+from gbt_ocp.tracking.noise import SCATTER_S, BearingNoise
 from gbt_ocp.tracking.priors import PositionPrior, unseen
-from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, mixed, relative_range_std
+from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, mixed, mixed_at_median, relative_range_std
 from gbt_ocp.tracking.shape.moments import NodeMoments
 from gbt_ocp.typing import Array
-
-SCATTER_S = 30.0
-"""Seconds of bins that are kept, from which the noise is estimated where that is asked for."""
 
 COLD_STARTS = (7, 3, 12)
 """Ranges, speeds and courses at which a track is begun."""
@@ -49,12 +44,6 @@ LONGEST_AHEAD = 120.0
 
 AHEAD_MOST = 40
 """Components that are carried ahead."""
-
-LOST_TURN = 6.0
-"""Mean squared standardised innovation of the recent bins above which a track counts as lost."""
-
-LOST_TURN_BINS = 12
-"""Bins over which that mean is taken."""
 
 
 class HeldTurnTracker(RestartingTracker):
@@ -122,7 +111,7 @@ class HeldTurnTracker(RestartingTracker):
         self._found: Components | None = None
         self._ahead: NodeMoments | None = None
         self._asked = 0.0
-        self._squares: deque[float] = deque(maxlen=LOST_TURN_BINS)
+        self._lost = LostTrack()
 
     def _restart(self, own: Array) -> None:
         self._begin(self._position.elsewhere(own))
@@ -173,20 +162,22 @@ class HeldTurnTracker(RestartingTracker):
                 held, again = let_go(self._prior, found, step)
                 found = held.joined(again)
             found = advanced(self._prior, found, step, own - self._own)
-        n, count = self._noise, float(means.counts[-1])
-        lasting = n.correlated_std**2 * max(1.0, 2.0 * n.correlation_time / self._bins.width)
-        near = (n.own_std * np.exp(-found.means[:, LOG_RANGE])) ** 2
-        noise = (n.white_variance(self._bins) + near) / count + lasting
+        noise = self._noise.of_mean(
+            float(means.counts[-1]),
+            self._bins.width,
+            np.exp(found.means[:, LOG_RANGE]),
+            self._noise.white_variance(self._bins),
+        )
         found, _, squares = corrected(found, _angles(means.bearings[-1]), noise)
         weights = found.weights
-        self._squares.append(float(weights @ squares) / (self.dimension - 1))
+        lost = self._lost.after(float(weights @ squares) / (self.dimension - 1))
         open_ = time - self._first <= OPEN_S
         most = len(found) if open_ else self._most * (1 if self._observable(found) else OPEN_MOST)
         self._found = found.likeliest(most)
         self._now, self._own, self._ahead = time, own, None
-        if len(self._squares) == LOST_TURN_BINS and np.mean(self._squares) > LOST_TURN:
+        if lost:
             self.restarts += 1
-            self._squares.clear()
+            self._lost.clear()
             self._position = self._position.elsewhere(own)
             self._start(time, means.bearings[-1], own)
 
@@ -196,7 +187,8 @@ class HeldTurnTracker(RestartingTracker):
         """Mean ``(d,)`` and covariance ``(d, d)`` relative to the vehicle: each component at its median range."""
         place, slopes = found.positions()
         spread = slopes @ found.covariances @ np.swapaxes(slopes, 1, 2)
-        return mixed(found.weights, place, spread)
+        mean, covariance = self._together(found, found.weights, place[:, None], spread[:, None])
+        return mean[0], covariance[0]
 
     def _observable(self, found: Components) -> bool:
         mean, covariance = self._moments(found)
@@ -208,29 +200,22 @@ class HeldTurnTracker(RestartingTracker):
         return self._found is not None and self._observable(self._found)
 
     def _moments_ahead(self, found: Components, horizon: float) -> NodeMoments:
-        """Nodes from now on: those that hold their turn rate, and for each branch one that has drawn it again."""
+        """Nodes from now on."""
         horizon = min(horizon, LONGEST_AHEAD)
         self._asked = max(self._asked, horizon)
         if self._ahead is not None and self._ahead.times[-1] >= horizon - 1e-9:
             return self._ahead
         nodes = int(np.ceil(max(self._asked, AHEAD_STEP) / AHEAD_STEP)) + 1
-        held, still = found.likeliest(AHEAD_MOST), np.zeros(self.dimension)
-        changed: Components | None = None
-        moments = [self._moments(held)]
-        share = -np.expm1(-AHEAD_STEP / self._prior.hold)
-        for _ in range(nodes - 1):
-            everything = held if changed is None else held.joined(changed)
-            leaving = drawn(self._prior, merged(everything, _dense(everything.branches)))
-            leaving = _scaled(leaving, share)
-            held = _scaled(held, 1.0 - share)
-            if changed is not None:
-                leaving = _scaled(changed, 1.0 - share).joined(leaving)
-                leaving = merged(leaving, _dense(leaving.branches))
-            held, changed = (advanced(self._prior, one, AHEAD_STEP, still) for one in (held, leaving))
-            moments.append(self._moments(held.joined(changed)))
-        means, covariances = zip(*moments, strict=True)
-        self._ahead = NodeMoments(AHEAD_STEP * np.arange(float(nodes)), np.array(means), np.array(covariances))
+        times = AHEAD_STEP * np.arange(float(nodes))
+        known = found.likeliest(AHEAD_MOST)
+        positions, covariances = positions_ahead(self._prior, known, times)
+        self._ahead = NodeMoments(times, *self._together(found, known.weights, positions, covariances))
         return self._ahead
+
+    def _together(self, found: Components, weights: Array, means: Array, covariances: Array) -> tuple[Array, Array]:
+        if found.range_deviation > RANGE_OBSERVABLE:
+            return mixed_at_median(weights, means, covariances)
+        return mixed(np.broadcast_to(weights[:, None], means.shape[:2]), means, covariances)
 
     def predict(self, times: ArrayLike) -> Forecast:
         """Posterior mean ``(K, d)`` and covariance ``(K, d, d)`` at the times ``(K,)`` in seconds.
