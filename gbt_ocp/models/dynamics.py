@@ -6,7 +6,7 @@ position first. A flat vehicle without is moved in the coordinates (z, ż), by i
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -105,3 +105,71 @@ def integrated(dynamics: Dynamics, state: Any, inputs: tuple[Any, Any], duration
         k4 = dynamics.rates(state + h * k3, after)
         state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     return state
+
+
+class StepDerivatives(NamedTuple):
+    """A Runge-Kutta step with its derivatives by some unknowns ``(w,)``: CasADi expressions.
+
+    Attributes
+    ----------
+    end
+        The state after it ``(states,)``.
+    slopes
+        Jacobian of that ``(states, w)``.
+    curvature
+        Hessian of its product with a multiplier ``(w, w)``, the lower triangle.
+    """
+
+    end: ca.SX
+    slopes: ca.SX
+    curvature: ca.SX
+
+
+def differentiated(
+    dynamics: Dynamics, state: ca.SX, inputs: tuple[ca.SX, ca.SX], duration: Any, unknowns: ca.SX, multiplier: ca.SX
+) -> StepDerivatives:
+    """One step of :func:`integrated`, differentiated evaluation by evaluation of the rates.
+
+    The second derivatives of the step are those of its four rates, each times the multiplier that the later ones leave
+    it, between the slopes of the point where it is evaluated. That takes fewer operations than those of the step as one
+    expression.
+
+    Parameters
+    ----------
+    state, inputs, duration
+        As those of :func:`integrated`; state and inputs are linear in the unknowns.
+    unknowns
+        Symbols ``(w,)``.
+    multiplier
+        Symbols ``(states,)``.
+    """
+    x, u, weight = (
+        ca.SX.sym(name, size) for name, size in (("x", dynamics.states), ("u", dynamics.inputs), ("m", dynamics.states))
+    )
+    point, rates = ca.vertcat(x, u), ca.SX(dynamics.rates(x, u))
+    of_point = ca.Function("rates", [x, u], [rates, ca.jacobian(rates, point)])
+    bend = ca.Function("bend", [x, u, weight], [ca.hessian(ca.dot(weight, rates), point)[0]])
+    first, last = inputs
+    middle = 0.5 * (first + last)
+    fixed = ca.jacobian(state, unknowns)
+    at, slope = state, fixed
+    points, slopes, own, found = [], [], [], []
+    for k, given in enumerate((first, middle, middle, last)):
+        rate, jacobian = of_point(at, given)
+        points.append((at, given))
+        slopes.append(ca.vertcat(slope, ca.jacobian(given, unknowns)))
+        own.append(jacobian[:, : dynamics.states])
+        found.append((rate, ca.mtimes(jacobian, slopes[-1])))
+        if k < 3:
+            part = duration * (0.5, 0.5, 1.0)[k]
+            at, slope = state + part * rate, fixed + part * found[-1][1]
+    shares = [duration / 6.0 * factor for factor in (1.0, 2.0, 2.0, 1.0)]
+    end = state + sum(share * rate for share, (rate, _) in zip(shares, found, strict=True))
+    total = fixed + sum(share * slope for share, (_, slope) in zip(shares, found, strict=True))
+    curvature, later = ca.SX(unknowns.numel(), unknowns.numel()), ca.SX(dynamics.states, 1)
+    for k in (3, 2, 1, 0):
+        push = shares[k] * multiplier + later
+        if k > 0:
+            later = duration * (0.5, 0.5, 1.0)[k - 1] * ca.mtimes(own[k].T, push)
+        curvature += ca.tril(ca.mtimes(slopes[k].T, ca.mtimes(bend(*points[k], push), slopes[k])))
+    return StepDerivatives(end, total, curvature)

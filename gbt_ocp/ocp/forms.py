@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from gbt_ocp.models.dynamics import Dynamics, integrated
+from gbt_ocp.models.dynamics import Dynamics, StepDerivatives, differentiated, integrated
 from gbt_ocp.ocp.objective_total import stacked_size, unstacked
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ProblemData, ShootingData
 from gbt_ocp.ocp.terms import AccumulatedObjective, Constraint, Objective, at_endpoint
@@ -191,6 +191,12 @@ class ShootingForm:
         inputs = self.inputs_after(begin), self.inputs_after(end)
         return integrated(self.dynamics, state, inputs, (end - begin) * self._problem.period, 1)
 
+    def derivatives(self, begin: Any, end: Any, multiplier: ca.SX) -> StepDerivatives:
+        """That step from the vehicle's state in :attr:`point`, with its derivatives by the numbers of the piece."""
+        own, inputs = self.dynamics.states, (self.inputs_after(begin), self.inputs_after(end))
+        duration, piece = (end - begin) * self._problem.period, self.point[: self.width]
+        return differentiated(self.dynamics, piece[:own], inputs, duration, piece, multiplier[:own])
+
     def inputs_after(self, share: Any) -> Any:
         """The inputs after a share of the piece ``(m,)``."""
         first, last = self._ends()
@@ -231,6 +237,16 @@ class ShootingForm:
             before = self.point[self.dynamics.states : self.states]
             return constraint.of_change(self.inputs_after(1.0) - before, self._problem.period)
         return constraint_value(constraint, self.flat_point(state, inputs), stacked)
+
+    @property
+    def box(self) -> int:
+        """The number of the hard limit that bounds the unknowns of a piece, each by itself; -1 where there is none."""
+        if self._problem.remembers_inputs or any(isinstance(o, AccumulatedObjective) for o in self._problem.objectives):
+            return -1
+        for number, limit in enumerate(self._problem.hard):
+            if isinstance(limit.constraint, ThrustLimit):
+                return number
+        return -1
 
     def grid(self, limit: HardLimit | PenaltyLimit) -> LimitGrid:
         """Where a limit is imposed: thrust that is held once a piece, thrust that is linear at both ends."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import factorial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -56,9 +56,13 @@ def _shooting(form: ShootingForm) -> MotionInC:
     """The state at the end of a piece with its first and second derivatives, and what a plan reports of a piece."""
     piece, share, span = form.point[: form.width], ca.SX.sym("share"), ca.SX.sym("span", 2)
     single = form.steps == 1
-    end = form.state_after(1.0) if single else form.flow(piece[: form.dynamics.states], span[0], span[1])
-    multiplier = ca.SX.sym("multiplier", end.numel())
-    curvature, rows, columns = nonzeros(ca.tril(ca.hessian(ca.dot(multiplier, end), piece)[0]))
+    multiplier = ca.SX.sym("multiplier", form.states if single else form.dynamics.states)
+    part: tuple[Any, Any] = (0.0, 1.0) if single else (span[0], span[1])
+    end, slopes, bend = form.derivatives(*part, multiplier)
+    if single and form.states > form.dynamics.states:
+        kept = form.inputs_after(1.0)
+        end, slopes = ca.vertcat(end, kept), ca.vertcat(slopes, ca.jacobian(kept, piece))
+    curvature, rows, columns = nonzeros(bend)
     point = form.flat_point(piece[: form.states], form.inputs_after(0.0))
     name, more = ("gbt_stage", []) if single else ("gbt_flow", [span])
     tables = _pattern(name, rows, columns)
@@ -66,7 +70,7 @@ def _shooting(form: ShootingForm) -> MotionInC:
         tables += _pattern("gbt_stage", *(places.tolist() for places in np.tril_indices(form.width)))
     functions = [
         c_function(name, [piece, *more], end),
-        c_function(f"{name}_slopes", [piece, *more], ca.vec(ca.jacobian(end, piece).T)),
+        c_function(f"{name}_slopes", [piece, *more], ca.vec(slopes.T)),
         c_function(f"{name}_curvature", [piece, multiplier, *more], curvature),
         c_function("gbt_stage_point", [piece], ca.vertcat(point.z, point.dz)),
         c_function("gbt_stage_inputs", [piece, share], form.inputs_after(share)),
@@ -79,7 +83,12 @@ def _shooting(form: ShootingForm) -> MotionInC:
         ]
     )
     sizes = SHOOTING_FORM.format(
-        states=form.states, last=form.dynamics.states, steps=form.steps, held=form.held, at_end=int(form.at_end)
+        states=form.states,
+        last=form.dynamics.states,
+        steps=form.steps,
+        held=form.held,
+        at_end=int(form.at_end),
+        box=form.box,
     )
     entries = len(rows) if single else form.width * (form.width + 1) // 2
     return MotionInC(sizes, functions, tables, entries)

@@ -169,6 +169,7 @@ SHOOTING_FORM = """#define GBT_SHOOTING 1
 #define GBT_LAST {last}             /* which begin here; GBT_STATES where there are none */
 #define GBT_STEPS {steps}            /* Runge-Kutta steps over a piece */
 #define GBT_HELD {held}             /* unknowns of a piece: its inputs, or those at both of its ends */
+#define GBT_BOX {box}              /* the limit that is bounds of what is free in a piece; -1 where there is none */
 #define GBT_COST_AT_END {at_end}      /* whether the objective reads the state at the end of a piece alone */
 """
 """Sizes of a trajectory by integration."""

@@ -26,8 +26,8 @@ static inline gbt_real *gbt_free(gbt_piece piece, int a)
 
 /* Eliminates what is free in a piece from the quadratic model h of all that follows from its numbers: the rows of L' of
    the Cholesky factorisation L L' of its part in what is free, with the reciprocals of the pivots; L^-1 times the rest of
-   its rows, the gain; and the model of what is left as a function of the state. h is symmetric, all of it is read. Returns
-   0 where it is not positive definite. */
+   its rows, the gain; and the model of what is left as a function of the state. Of h, which is symmetric, the rows of what is
+   free are read, and of the others what is of the state. Returns 0 where it is not positive definite. */
 static inline int gbt_eliminate_free(gbt_real h[GBT_PIECE][GBT_PIECE], gbt_real factor[GBT_FREE][GBT_FREE],
                                      gbt_real gain[GBT_FREE][GBT_STATE], gbt_real rest[GBT_STATE][GBT_STATE])
 {
@@ -163,6 +163,25 @@ void gbt_end_point(gbt_workspace *work, int i, gbt_real *point);
 #if GBT_SHOOTING
 /* gbt_newton_step for a start that is elsewhere by so much, GBT_STATE. */
 void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *change);
+
+/* gbt_differentiate without the limits, and of gbt_assemble what is not about them. */
+void gbt_differentiate_motion(gbt_workspace *work);
+void gbt_bend_motion(gbt_workspace *work);
+
+/* h += F' P F, of the slopes F of the state at the end and a symmetric P; what gbt_eliminate_free reads of it. */
+void gbt_add_rest(gbt_real slopes[GBT_STATE][GBT_PIECE], gbt_real rest[GBT_STATE][GBT_STATE],
+                  gbt_real h[GBT_PIECE][GBT_PIECE]);
+
+/* work->step from what the recursion left and the change of the start that is there. */
+void gbt_step_along(gbt_workspace *work);
+
+#if GBT_BOX >= 0
+/* Newton's method within the bounds of the limit GBT_BOX, for trajectories that no other limit bounds: iterates from
+   work->piece until a step of one per scaled unknown along the slopes, cut at the bounds, is within the tolerance, at most
+   so many times. Returns GBT_SOLVED and sets result->residual if all limits are kept there, GBT_ITERATION_LIMIT where the
+   interior-point method has to answer, as from where another limit is broken. Adds to result->iterations what it took. */
+gbt_status gbt_minimise_in_box(const gbt_settings *settings, int iterations, gbt_workspace *work, gbt_result *result);
+#endif
 
 /* The inputs of piece i after a part of the step, where its state has become another one. */
 void gbt_follow_gains(gbt_workspace *work, int i, gbt_real part, const gbt_real *state, gbt_real *inputs);

@@ -28,17 +28,21 @@ static void turn(gbt_real a[D][D], gbt_real v[D][D], int p, int q)
     a[p][q] = a[q][p] = 0;
 }
 
+void gbt_diagonalise(gbt_real a[D][D], gbt_real v[D][D])
+{
+    for (int p = 0; p < D; p++)
+        for (int q = 0; q < D; q++) v[p][q] = p == q;
+    for (int sweep = 0; sweep < SWEEPS; sweep++)
+        for (int p = 0; p < D; p++)
+            for (int q = p + 1; q < D; q++) turn(a, v, p, q);
+}
+
 void gbt_symmetric_root(const gbt_real *matrix, gbt_real *root)
 {
     gbt_real a[D][D], v[D][D];
     for (int p = 0; p < D; p++)
-        for (int q = 0; q < D; q++) {
-            a[p][q] = p >= q ? matrix[q * D + p] : matrix[p * D + q];
-            v[p][q] = p == q;
-        }
-    for (int sweep = 0; sweep < SWEEPS; sweep++)
-        for (int p = 0; p < D; p++)
-            for (int q = p + 1; q < D; q++) turn(a, v, p, q);
+        for (int q = 0; q < D; q++) a[p][q] = p >= q ? matrix[q * D + p] : matrix[p * D + q];
+    gbt_diagonalise(a, v);
     for (int p = 0; p < D; p++)
         for (int q = 0; q < D; q++) {
             gbt_real value = 0;

@@ -6,6 +6,10 @@
 
 GBT_BEGIN_C
 
+/* Jacobi's method: leaves the eigenvalues of a symmetric matrix on its diagonal, and sets v to its eigenvectors, one a
+   column. */
+void gbt_diagonalise(gbt_real a[GBT_DIMENSION][GBT_DIMENSION], gbt_real v[GBT_DIMENSION][GBT_DIMENSION]);
+
 /* Symmetric square root of a symmetric matrix, of which the lower triangle is read; negative eigenvalues, which
    round-off leaves in covariances, count as zero. Both are stored column by column. */
 void gbt_symmetric_root(const gbt_real *matrix, gbt_real *root);

@@ -10,7 +10,7 @@ void gbt_begin(const double *base, const gbt_real *state, double *origin, gbt_re
     }
 }
 
-int gbt_start_size(void) { return GBT_STATE; }
+int gbt_state_size(void) { return GBT_STATE; }
 
 int gbt_ends_size(void) { return GBT_END_NUMBERS; }
 

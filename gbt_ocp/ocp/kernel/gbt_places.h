@@ -16,7 +16,7 @@ GBT_BEGIN_C
 void gbt_begin(const double *base, const gbt_real *state, double *origin, gbt_real *start);
 
 /* GBT_STATE, GBT_END_NUMBERS and GBT_KNOT_NUMBERS, for callers that do not see the header. */
-int gbt_start_size(void);
+int gbt_state_size(void);
 int gbt_ends_size(void);
 int gbt_knots_size(void);
 

@@ -193,9 +193,8 @@ void gbt_objective_slopes(gbt_workspace *work)
     }
 }
 
-void gbt_differentiate(gbt_workspace *work)
+void gbt_differentiate_motion(gbt_workspace *work)
 {
-    gbt_real *jacobian = work->jacobian, (*place)[GBT_PLACE] = work->place;
     gbt_objective_slopes(work);
     for (int i = 0; i < work->pieces; i++) {
 #if GBT_STEPS > 1
@@ -204,6 +203,14 @@ void gbt_differentiate(gbt_workspace *work)
 #else
         gbt_stage_slopes(work->piece[i], 0, 0, &work->slopes[i][0][0]);
 #endif
+    }
+}
+
+void gbt_differentiate(gbt_workspace *work)
+{
+    gbt_real *jacobian = work->jacobian, (*place)[GBT_PLACE] = work->place;
+    gbt_differentiate_motion(work);
+    for (int i = 0; i < work->pieces; i++) {
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
             for (int k = 0; k < limit->nodes; k++, place++) {
@@ -258,6 +265,28 @@ static void add(const gbt_real *entry, int entries, const int *rows, const int *
                 gbt_real matrix[GBT_PIECE][GBT_PIECE])
 {
     for (int a = 0; a < entries; a++) matrix[rows[a]][columns[a]] += entry[a];
+}
+
+void gbt_bend_motion(gbt_workspace *work)
+{
+    gbt_real entry[GBT_ENTRIES], weight[GBT_TERMS];
+    for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
+    for (int i = 0; i <= work->pieces; i++)
+        for (int a = 0; a < GBT_PIECE; a++)
+            for (int c = 0; c <= a; c++) work->curvature[i][a][c] = 0;
+    for (int i = 0; i < work->pieces; i++) {
+        gbt_objective.hessian(seen_by_objective(work->piece, i), work->parameters + i * GBT_END_NUMBERS, weight, entry);
+        add(entry, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column,
+            work->curvature[i + GBT_COST_AT_END]);
+#if GBT_STEPS == 1
+        gbt_stage_curvature(work->piece[i], work->pull[i + 1], 0, work->bend[i]);
+#else
+        gbt_real push[GBT_STEPS + 1][GBT_LAST];
+        for (int k = 0; k <= GBT_STEPS; k++)
+            for (int a = 0; a < GBT_LAST; a++) push[k][a] = k < GBT_STEPS ? 0 : work->pull[i + 1][a];
+        gbt_flow_bend(work->piece[i], work->passed[i], work->along[i], push, work->bend[i]);
+#endif
+    }
 }
 
 /* Only the lower triangles. */

@@ -10,19 +10,30 @@
 
 #define PLACE ((gbt_real)100) /* regularisation of a position in m over that of an input over its limit */
 
-/* h += F' P F, of the slopes F of the state at the end and a symmetric P. */
-static void add_rest(gbt_real slopes[GBT_STATE][GBT_PIECE], gbt_real rest[GBT_STATE][GBT_STATE],
-                     gbt_real h[GBT_PIECE][GBT_PIECE])
+/* Where the dynamics do not depend on the place, the state at the end moves with the position at the beginning. */
+#define MOVED_ALONG (GBT_RELATIVE ? GBT_DIMENSION : 0)
+
+void gbt_add_rest(gbt_real slopes[GBT_STATE][GBT_PIECE], gbt_real rest[GBT_STATE][GBT_STATE],
+                  gbt_real h[GBT_PIECE][GBT_PIECE])
 {
     gbt_real product[GBT_STATE][GBT_PIECE];
     for (int r = 0; r < GBT_STATE; r++) {
         gbt_real row[GBT_PIECE];
-        for (int a = 0; a < GBT_PIECE; a++) row[a] = 0;
+        for (int a = 0; a < GBT_PIECE; a++) row[a] = a < MOVED_ALONG ? rest[r][a] : 0;
         for (int k = 0; k < GBT_STATE; k++)
-            for (int a = 0; a < GBT_PIECE; a++) row[a] += rest[r][k] * slopes[k][a];
+            for (int a = MOVED_ALONG; a < GBT_PIECE; a++) row[a] += rest[r][k] * slopes[k][a];
         for (int a = 0; a < GBT_PIECE; a++) product[r][a] = row[a];
     }
-    for (int a = 0; a < GBT_PIECE; a++) {
+    for (int a = 0; a < MOVED_ALONG; a++)
+        for (int c = 0; c < GBT_STATE; c++) h[a][c] += product[a][c];
+    for (int a = MOVED_ALONG; a < GBT_STATE; a++) {
+        gbt_real row[GBT_STATE];
+        for (int c = 0; c < GBT_STATE; c++) row[c] = h[a][c];
+        for (int r = 0; r < GBT_STATE; r++)
+            for (int c = 0; c < GBT_STATE; c++) row[c] += slopes[r][a] * product[r][c];
+        for (int c = 0; c < GBT_STATE; c++) h[a][c] = row[c];
+    }
+    for (int a = GBT_STATE; a < GBT_PIECE; a++) {
         gbt_real row[GBT_PIECE];
         for (int c = 0; c < GBT_PIECE; c++) row[c] = h[a][c];
         for (int r = 0; r < GBT_STATE; r++)
@@ -51,7 +62,7 @@ static void add_piece(gbt_workspace *work, int i, gbt_real delta, gbt_real rest[
     for (int a = 0; a < GBT_FREE; a++)
         h[GBT_STATE + a][GBT_STATE + a] += delta / (gbt_input_scale[a] * gbt_input_scale[a]);
     for (int a = 0; a < GBT_DIMENSION && delta > 0; a++) rest[a][a] += PLACE * delta;
-    add_rest(work->slopes[i], rest, h);
+    gbt_add_rest(work->slopes[i], rest, h);
 }
 
 #if GBT_SUMS /* the recursion is that of gbt_coupling.c */
@@ -61,6 +72,8 @@ void gbt_piece_model(gbt_workspace *work, int i, gbt_real delta, gbt_real rest[G
                      gbt_real h[GBT_PIECE][GBT_PIECE])
 {
     add_piece(work, i, delta, rest, h);
+    for (int a = 0; a < GBT_STATE; a++)
+        for (int c = GBT_STATE; c < GBT_PIECE; c++) h[a][c] = h[c][a];
 }
 
 void gbt_end_slopes(const gbt_workspace *work, int i, gbt_real slopes[GBT_STATE][GBT_PIECE])
@@ -100,6 +113,19 @@ void gbt_follow_gains(gbt_workspace *work, int i, gbt_real part, const gbt_real 
 }
 
 #if !GBT_SUMS
+void gbt_step_along(gbt_workspace *work)
+{
+    for (int i = 0; i < work->pieces; i++) {
+        gbt_real *step = work->step[i], *next = work->step[i + 1];
+        follow(work, i, 1, step, step + GBT_STATE);
+        for (int r = 0; r < GBT_STATE; r++) {
+            next[r] = 0;
+            for (int a = 0; a < GBT_PIECE; a++) next[r] += work->slopes[i][r][a] * step[a];
+        }
+    }
+    for (int a = 0; a < GBT_FREE; a++) work->step[work->pieces][GBT_STATE + a] = 0;
+}
+
 /* The same for a start that is elsewhere by so much. */
 void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *change)
 {
@@ -115,15 +141,7 @@ void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *ch
         for (int a = 0; a < GBT_STATE; a++) gradient[i][a] = own[a];
     }
     for (int a = 0; a < GBT_STATE; a++) work->step[0][a] = change[a];
-    for (int i = 0; i < work->pieces; i++) {
-        gbt_real *step = work->step[i], *next = work->step[i + 1];
-        follow(work, i, 1, step, step + GBT_STATE);
-        for (int r = 0; r < GBT_STATE; r++) {
-            next[r] = 0;
-            for (int a = 0; a < GBT_PIECE; a++) next[r] += work->slopes[i][r][a] * step[a];
-        }
-    }
-    for (int a = 0; a < GBT_FREE; a++) work->step[work->pieces][GBT_STATE + a] = 0;
+    gbt_step_along(work);
 }
 
 #endif

@@ -68,6 +68,22 @@ static void solve_tail(const gbt_settings *settings, const gbt_real *start, cons
     result->iterations += (found.iterations * TAIL + GBT_PIECES - 1) / GBT_PIECES;
 }
 
+/* Within the bounds of the inputs alone, where that does, and else by the interior-point method from the same guess. */
+static gbt_status answer(const gbt_settings *settings, gbt_real mu, const gbt_real *start, const gbt_real *parameters,
+                         gbt_workspace *work, gbt_result *result)
+{
+#if GBT_SHOOTING && GBT_BOX >= 0
+    const int left = settings->deadline - result->iterations;
+    const int most = settings->iterations < left ? settings->iterations : left;
+    if (gbt_minimise_in_box(settings, most, work, result) == GBT_SOLVED) return GBT_SOLVED;
+    load(start, parameters, 0, GBT_PIECES, work->guess, work);
+#else
+    (void)start;
+    (void)parameters;
+#endif
+    return gbt_minimise_within_limits(settings, mu, settings->deadline, work, result);
+}
+
 gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,
                      const gbt_real *tightening, int warm, gbt_real *u, gbt_workspace *work, gbt_result *result)
 {
@@ -91,7 +107,7 @@ gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const 
         load(start, parameters, 0, GBT_PIECES, work->guess, work);
         const gbt_real mu =
             warm && result->starts == 0 ? settings->warm_barrier : settings->barrier * barrier_of_start[result->starts];
-        status = gbt_minimise_within_limits(settings, mu, settings->deadline, work, &found);
+        status = answer(settings, mu, start, parameters, work, &found);
         result->iterations = found.iterations;
         result->starts++;
 

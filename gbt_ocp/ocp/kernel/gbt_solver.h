@@ -89,6 +89,13 @@ typedef struct {
 #if GBT_SHOOTING
     gbt_real slopes[GBT_PIECES][GBT_STATE][GBT_PIECE]; /* of the state at the end of each piece */
     gbt_real bend[GBT_PIECES][GBT_ENTRIES]; /* its Hessians times the multipliers of the dynamics */
+#if GBT_BOX >= 0 /* Newton's method within bounds: gbt_shoot_box.c */
+    gbt_real lower[GBT_FREE], upper[GBT_FREE];
+    int held[GBT_PIECES][GBT_FREE]; /* 1 at the upper one, -1 at the lower one */
+    gbt_real model[GBT_ROWS_OF_PIECES][GBT_PIECE][GBT_PIECE];
+    gbt_real rest[GBT_ROWS_OF_PIECES][GBT_STATE][GBT_STATE], next[GBT_ROWS_OF_PIECES][GBT_STATE]; /* of the recursion */
+    gbt_real rows[GBT_PIECES][GBT_FREE][GBT_PIECE], slope[GBT_PIECES][GBT_FREE]; /* of the inputs, before they are held */
+#endif
 #if GBT_STEPS > 1
     gbt_real passed[GBT_PIECES][GBT_STEPS + 1][GBT_LAST]; /* states after the steps, and their derivatives */
     gbt_real along[GBT_PIECES][GBT_STEPS + 1][GBT_LAST][GBT_PIECE];

@@ -14,6 +14,7 @@ from gbt_ocp.ocp.check import FINE_POINTS
 from gbt_ocp.ocp.codegen.library import kernel_files, load_library
 from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.problem_source import from_moments, generate_problem
+from gbt_ocp.ocp.objective_total import stacked_size
 from gbt_ocp.ocp.problem_data import PosedProblem, ShootingData
 from gbt_ocp.ocp.shot import ShotTrajectory
 from gbt_ocp.ocp.solvers.base import GIVEN_UP, NO_PLAN, PlannerStep, Solution
@@ -113,6 +114,10 @@ class CompiledSolver:
         kernel.gbt_check.argtypes = [numbers, numbers, ctypes.c_int, ctypes.c_int, numbers, numbers]
         self._check = kernel.gbt_check
         self._coordinates = _Coordinates(kernel, problem.vehicle.position_dimension)
+        self._call, self._result = _Call(kernel, problem), _Result()
+        at = {name: values.ctypes.data for name, values in self._call.arrays.items()}
+        self._given = (ctypes.addressof(self._settings), at["begin"], at["numbers"], at["inside"])
+        self._taken = (at["variables"], self._workspace.ctypes.data, ctypes.addressof(self._result))
         self._problem = problem
         self._limits = len(problem.constraints)
         self._prepare_steps(kernel)
@@ -137,28 +142,16 @@ class CompiledSolver:
         limits: Sequence[Array] = (),
     ) -> CompiledSolution:
         """Solve from a guess; see :meth:`gbt_ocp.ocp.solvers.base.Solver.solve`."""
-        origin, begin = self._coordinates.begin(start)
-        ends = self._coordinates.placed("ends", origin, _stacked(objectives), self._problem.pieces)
-        knots = self._coordinates.placed("knots", origin, _stacked(limits), self._problem.pieces + 1)
-        parameters = np.concatenate([ends, knots])
-        variables = np.array(guess, dtype=float, order="C")
-        inside = np.zeros(self._limits + 1)
-        inside[: self._limits] = tightening
-        result = _Result()
-        self._solve(
-            ctypes.byref(self._settings),
-            begin.ctypes.data,
-            parameters.ctypes.data,
-            inside.ctypes.data,
-            not cold,
-            variables.ctypes.data,
-            self._workspace.ctypes.data,
-            ctypes.byref(result),
-        )
+        call, result = self._call, self._result
+        call.fill(start, objectives, limits)
+        call.arrays["inside"][: self._limits] = tightening
+        call.arrays["variables"][:] = guess
+        self._solve(*self._given, not cold, *self._taken)
+        status = STATUSES[result.status]
         return CompiledSolution(
-            variables=variables,
-            solved=STATUSES[result.status] in ("solved", GIVEN_UP),
-            status=STATUSES[result.status],
+            variables=call.arrays["variables"].copy(),
+            solved=status in ("solved", GIVEN_UP),
+            status=status,
             iterations=result.iterations,
             starts=result.starts,
             residual=result.residual,
@@ -186,7 +179,7 @@ class CompiledSolver:
         class Memory(ctypes.Structure):
             _fields_ = [
                 *(("settings", _Settings), ("warm", whole), ("previous", number * (p * free))),
-                *(("begin", number * kernel.gbt_start_size()), ("place", number * problem.vehicle.position_dimension)),
+                *(("begin", number * kernel.gbt_state_size()), ("place", number * problem.vehicle.position_dimension)),
             ]
 
         kernel.gbt_planner_bytes.restype = ctypes.c_size_t
@@ -296,13 +289,50 @@ def _stacked(parameters: Sequence[Array]) -> Array:
     return np.ascontiguousarray(np.vstack(list(parameters)).T, dtype=float).ravel() if parameters else np.zeros(0)
 
 
+class _Call:
+    """The arrays of a solve, at addresses that stay: to find that of an array takes longer than to fill a short one."""
+
+    def __init__(self, kernel: ctypes.CDLL, problem: PosedProblem) -> None:
+        p, d, ends = problem.pieces, problem.vehicle.position_dimension, kernel.gbt_ends_size()
+        state, knots = kernel.gbt_state_size(), kernel.gbt_knots_size()
+        sizes = {
+            "base": d,
+            "origin": d,
+            "state": state,
+            "begin": state,
+            "ends": (p, sum(stacked_size(term.shapes) for term in problem.objectives)),
+            "knots": (p + 1, sum(limit_size(constraint) for constraint in problem.constraints)),
+            "numbers": p * ends + (p + 1) * knots,
+            "inside": len(problem.constraints) + 1,
+            "variables": (p, problem.freedoms),
+        }
+        self.arrays = {name: np.zeros(size) for name, size in sizes.items()}
+        at = {name: ctypes.c_void_p(values.ctypes.data) for name, values in self.arrays.items()}
+        second = ctypes.c_void_p(self.arrays["numbers"].ctypes.data + 8 * p * ends)
+        self._steps: list[tuple[Any, tuple[Any, ...]]]
+        self._steps = [(kernel.gbt_begin, (at["base"], at["state"], at["origin"], at["begin"]))]
+        self._steps += [(kernel.gbt_place_ends, (at["origin"], at["ends"], p, at["numbers"]))] * (ends > 0)
+        self._steps += [(kernel.gbt_place_knots, (at["origin"], at["knots"], p + 1, second))] * (knots > 0)
+
+    def fill(self, start: Array, objectives: Sequence[Array], limits: Sequence[Array]) -> None:
+        """The start and the numbers relative to where it is, from the parameters."""
+        self.arrays["state"][:] = np.ravel(start)
+        for name, parameters in (("ends", objectives), ("knots", limits)):
+            into, first = self.arrays[name], 0
+            for values in parameters:
+                into[:, first : first + len(values)] = values.T
+                first += len(values)
+        for function, arguments in self._steps:
+            function(*arguments)
+
+
 class _Coordinates:
     """The kernel's coordinates: relative to where a trajectory begins."""
 
     def __init__(self, kernel: ctypes.CDLL, dimension: int) -> None:
         self._kernel = kernel
         self._base = np.zeros(dimension)
-        self._states = kernel.gbt_start_size()
+        self._states = kernel.gbt_state_size()
         self._sizes = {name: getattr(kernel, f"gbt_{name}_size")() for name in ("ends", "knots")}
 
     def begin(self, start: Array) -> tuple[Array, Array]:
