@@ -33,7 +33,8 @@ from gbt_ocp.ocp.codegen.library import FLAGS, find_compiler, kernel_files
 from gbt_ocp.ocp.codegen.problem_source import generate_problem
 from gbt_ocp.ocp.plan_forms import plan_form
 from gbt_ocp.ocp.problem_data import HardLimit, PosedProblem
-from gbt_ocp.ocp.solvers.compiled import CompiledSolver, _stacked
+from gbt_ocp.ocp.solvers.compiled import CompiledSolver
+from gbt_ocp.ocp.solvers.kernel_arrays import stacked_parameters
 
 FORMS = ("degree 2", "degree 4, C1", "held thrust")
 HERE = Path(__file__).resolve()
@@ -161,7 +162,7 @@ def in_kernel(problem: PosedProblem, steps: Sequence[tuple[np.ndarray, list]]) -
     coordinates, form = CompiledSolver(problem, {})._coordinates, plan_form(problem)
     for start, parameters in steps:
         origin, begin = coordinates.begin(form.start(start) if isinstance(problem, ShootingProblem) else start)
-        ends = coordinates.placed("ends", origin, _stacked(parameters), problem.pieces)
+        ends = coordinates.placed("ends", origin, stacked_parameters(parameters), problem.pieces)
         yield np.array(begin).ravel(), np.array(ends).ravel()
 
 

@@ -56,56 +56,6 @@ void gbt_propagate(gbt_piece piece[], int pieces)
     for (int a = 0; a < GBT_FREE; a++) INPUTS(piece[pieces])[a] = 0;
 }
 
-void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top)
-{
-    (void)start;
-    for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) {
-        const int j = k % GBT_INPUTS;
-        top[k] = gbt_idle[j] + aside / gbt_sqrt((gbt_real)(j + 1)) * gbt_thrust_max[j];
-    }
-}
-
-/* The inputs are those of the rest: what they lead back differs from vehicle to vehicle. */
-void gbt_lead_back(const gbt_real *off, gbt_real *top)
-{
-    (void)off;
-    (void)top;
-}
-
-/* The inputs stay as they are at the end. */
-void gbt_lengthen(const gbt_real *last, gbt_real *added)
-{
-    for (int a = 0; a < GBT_FREE; a++) added[a] = last[GBT_FREE - GBT_INPUTS + a % GBT_INPUTS];
-}
-
-void gbt_admit(gbt_piece piece)
-{
-    for (int a = 0; a < GBT_FREE; a++) {
-        const int j = a % GBT_INPUTS;
-        gbt_real *input = &INPUTS(piece)[a];
-#if GBT_LAST < GBT_STATES
-        const gbt_real before = piece[GBT_LAST + j], most = gbt_input_step[j];
-        *input = *input > before + most ? before + most : *input < before - most ? before - most : *input;
-#endif
-        *input = *input > gbt_thrust_max[j] ? gbt_thrust_max[j] : *input < gbt_thrust_min[j] ? gbt_thrust_min[j] : *input;
-    }
-}
-
-void gbt_brake(const gbt_real *start, gbt_real *top)
-{
-    gbt_piece piece;
-    gbt_real inputs[GBT_INPUTS];
-    for (int a = 0; a < GBT_STATE; a++) piece[a] = start[a];
-    for (int i = 0; i < GBT_PIECES; i++) {
-        for (int a = 0; a < GBT_FREE; a++) INPUTS(piece)[a] = 0;
-        gbt_last_resort(piece, 0, 0, inputs);
-        for (int a = 0; a < GBT_FREE; a++) INPUTS(piece)[a] = inputs[a % GBT_INPUTS];
-        gbt_admit(piece);
-        for (int a = 0; a < GBT_FREE; a++) top[i * GBT_FREE + a] = INPUTS(piece)[a];
-        gbt_next_piece(piece, piece);
-    }
-}
-
 /* What the objective of a piece looks at: the state at its end, or its beginning and inputs. */
 static gbt_real *seen_by_objective(gbt_piece piece[], int i) { return piece[i + GBT_COST_AT_END]; }
 

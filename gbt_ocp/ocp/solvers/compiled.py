@@ -14,10 +14,10 @@ from gbt_ocp.ocp.check import FINE_POINTS
 from gbt_ocp.ocp.codegen.library import kernel_files, load_library
 from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.problem_source import from_moments, generate_problem
-from gbt_ocp.ocp.objective_total import stacked_size
 from gbt_ocp.ocp.problem_data import PosedProblem, ShootingData
 from gbt_ocp.ocp.shot import ShotTrajectory
 from gbt_ocp.ocp.solvers.base import GIVEN_UP, NO_PLAN, PlannerStep, Solution
+from gbt_ocp.ocp.solvers.kernel_arrays import KernelCoordinates, SolveArrays, stacked_parameters
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.ocp.transcription import limit_size
 from gbt_ocp.typing import Array
@@ -113,8 +113,8 @@ class CompiledSolver:
         self._solve = kernel.gbt_solve
         kernel.gbt_check.argtypes = [numbers, numbers, ctypes.c_int, ctypes.c_int, numbers, numbers]
         self._check = kernel.gbt_check
-        self._coordinates = _Coordinates(kernel, problem.vehicle.position_dimension)
-        self._call, self._result = _Call(kernel, problem), _Result()
+        self._coordinates = KernelCoordinates(kernel, problem.vehicle.position_dimension)
+        self._call, self._result = SolveArrays(kernel, problem), _Result()
         at = {name: values.ctypes.data for name, values in self._call.arrays.items()}
         self._given = (ctypes.addressof(self._settings), at["begin"], at["numbers"], at["inside"])
         self._taken = (at["variables"], self._workspace.ctypes.data, ctypes.addressof(self._result))
@@ -237,7 +237,7 @@ class CompiledSolver:
         if self._from_moments:
             arrays = list(moments_of_step(self._problem, data).values())
         else:
-            arrays = [np.concatenate([_stacked(objectives), _stacked(limits)])]
+            arrays = [np.concatenate([stacked_parameters(objectives), stacked_parameters(limits)])]
         arrays = [np.ascontiguousarray(values, dtype=float) for values in (start, *arrays)]
         entry(self._memory.ctypes.data, *(values.ctypes.data for values in arrays), ctypes.byref(result))
         return PlannerStep(
@@ -256,7 +256,7 @@ class CompiledSolver:
         origin, start = self._coordinates.begin(trajectory.start)
         top = np.ascontiguousarray(trajectory.top, dtype=float)
         violation = np.empty(len(top))
-        stacked = _stacked([values[:, : len(top) + 1] for values in limits])
+        stacked = stacked_parameters([values[:, : len(top) + 1] for values in limits])
         moving = self._coordinates.placed("knots", origin, stacked, len(top) + 1)
         self._check(
             start.ctypes.data, top.ctypes.data, len(top), FINE_POINTS, moving.ctypes.data, violation.ctypes.data
@@ -282,70 +282,3 @@ def moments_of_step(problem: PosedProblem, data: Mapping[str, Any]) -> dict[str,
     found["desired"] = np.zeros((p, d)) if desired is None else np.asarray(desired, dtype=float)[:p]
     # what is needed was found finite when the parameters were bound
     return {name: np.where(np.isfinite(values), values, 0.0) for name, values in found.items()}
-
-
-def _stacked(parameters: Sequence[Array]) -> Array:
-    """Parameters of all terms, one time after the other."""
-    return np.ascontiguousarray(np.vstack(list(parameters)).T, dtype=float).ravel() if parameters else np.zeros(0)
-
-
-class _Call:
-    """The arrays of a solve, at addresses that stay: to find that of an array takes longer than to fill a short one."""
-
-    def __init__(self, kernel: ctypes.CDLL, problem: PosedProblem) -> None:
-        p, d, ends = problem.pieces, problem.vehicle.position_dimension, kernel.gbt_ends_size()
-        state, knots = kernel.gbt_state_size(), kernel.gbt_knots_size()
-        sizes = {
-            "base": d,
-            "origin": d,
-            "state": state,
-            "begin": state,
-            "ends": (p, sum(stacked_size(term.shapes) for term in problem.objectives)),
-            "knots": (p + 1, sum(limit_size(constraint) for constraint in problem.constraints)),
-            "numbers": p * ends + (p + 1) * knots,
-            "inside": len(problem.constraints) + 1,
-            "variables": (p, problem.freedoms),
-        }
-        self.arrays = {name: np.zeros(size) for name, size in sizes.items()}
-        at = {name: ctypes.c_void_p(values.ctypes.data) for name, values in self.arrays.items()}
-        second = ctypes.c_void_p(self.arrays["numbers"].ctypes.data + 8 * p * ends)
-        self._steps: list[tuple[Any, tuple[Any, ...]]]
-        self._steps = [(kernel.gbt_begin, (at["base"], at["state"], at["origin"], at["begin"]))]
-        self._steps += [(kernel.gbt_place_ends, (at["origin"], at["ends"], p, at["numbers"]))] * (ends > 0)
-        self._steps += [(kernel.gbt_place_knots, (at["origin"], at["knots"], p + 1, second))] * (knots > 0)
-
-    def fill(self, start: Array, objectives: Sequence[Array], limits: Sequence[Array]) -> None:
-        """The start and the numbers relative to where it is, from the parameters."""
-        self.arrays["state"][:] = np.ravel(start)
-        for name, parameters in (("ends", objectives), ("knots", limits)):
-            into, first = self.arrays[name], 0
-            for values in parameters:
-                into[:, first : first + len(values)] = values.T
-                first += len(values)
-        for function, arguments in self._steps:
-            function(*arguments)
-
-
-class _Coordinates:
-    """The kernel's coordinates: relative to where a trajectory begins."""
-
-    def __init__(self, kernel: ctypes.CDLL, dimension: int) -> None:
-        self._kernel = kernel
-        self._base = np.zeros(dimension)
-        self._states = kernel.gbt_state_size()
-        self._sizes = {name: getattr(kernel, f"gbt_{name}_size")() for name in ("ends", "knots")}
-
-    def begin(self, start: Array) -> tuple[Array, Array]:
-        """The origin ``(d,)``, and a start relative to it in a row, zero where it says nothing."""
-        state = np.zeros(self._states)
-        state[: start.size] = start.ravel()
-        origin, begin = np.empty_like(self._base), np.empty_like(state)
-        self._kernel.gbt_begin(*(ctypes.c_void_p(values.ctypes.data) for values in (self._base, state, origin, begin)))
-        return origin, begin
-
-    def placed(self, name: str, origin: Array, parameters: Array, count: int) -> Array:
-        """The numbers of so many ``ends`` or ``knots`` from their parameters."""
-        numbers = np.empty(self._sizes[name] * count)
-        arrays = [ctypes.c_void_p(values.ctypes.data) for values in (origin, parameters, numbers)]
-        getattr(self._kernel, f"gbt_place_{name}")(*arrays[:2], count, arrays[2])
-        return numbers
