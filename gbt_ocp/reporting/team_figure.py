@@ -46,7 +46,7 @@ def team_figure(histories: Mapping[str, History], nearest: float | None, separat
         axes.set_ylim(bottom=0.0)
         if limit is not None:
             axes.axhline(limit, color=style.BLACK, linestyle=":", linewidth=1.2, label=label)
-            axes.legend(loc="lower right")
+            axes.legend(loc="lower right" if axes is panels[2] else "upper right")
     for axes in panels[1:3]:
         axes.tick_params(labelbottom=False)
     style.time_axis(panels[3], float(first.t[-1]))
