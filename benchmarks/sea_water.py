@@ -86,13 +86,14 @@ def overrides(pair: Pair, seed: int, duration: float, *, beside: bool) -> dict[s
 
 def run(pair: Pair, seed: int, duration: float, beside: bool) -> dict[str, Any]:
     """One run in numbers."""
-    result = gbt.run(pair.configuration, overrides=overrides(pair, seed, duration, beside=beside), seed=seed)
+    keys = overrides(pair, seed, duration, beside=beside)
+    result = gbt.run(pair.configuration, overrides=[f"{key}={json.dumps(keys[key])}" for key in keys], seed=seed)
     history, summary = result.history, result.summary
-    keys = (
+    names = (
         "relative_error", "relative_error_10s", "distance_min", "steps_below_standoff", "lost", "violation_max",
         "speed_ahead_min", "turn_radius_min_m", "power_mean_w", "thrust_reversals_per_min", "wall_s",
     )  # fmt: skip
-    found = {key: summary.get(key) for key in keys}
+    found = {key: summary.get(key) for key in names}
     if pair.drifts and not beside:
         wrong = np.linalg.norm(history.current_estimate - history.current, axis=1)
         far = history.t[wrong > ESTIMATED]

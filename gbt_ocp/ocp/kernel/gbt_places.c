@@ -10,6 +10,8 @@ void gbt_begin(const double *base, const gbt_real *state, double *origin, gbt_re
     }
 }
 
+int gbt_state_size(void) { return GBT_STATE; }
+
 int gbt_ends_size(void) { return GBT_END_NUMBERS; }
 
 int gbt_knots_size(void) { return GBT_KNOT_NUMBERS; }

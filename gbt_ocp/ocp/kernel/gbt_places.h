@@ -15,7 +15,8 @@ GBT_BEGIN_C
    start    out: GBT_STATE */
 void gbt_begin(const double *base, const gbt_real *state, double *origin, gbt_real *start);
 
-/* GBT_END_NUMBERS and GBT_KNOT_NUMBERS, for callers that do not see the header. */
+/* GBT_STATE, GBT_END_NUMBERS and GBT_KNOT_NUMBERS, for callers that do not see the header. */
+int gbt_state_size(void);
 int gbt_ends_size(void);
 int gbt_knots_size(void);
 

@@ -254,8 +254,7 @@ class CompiledSolver:
 
     def check(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
         """The same as :class:`gbt_ocp.ocp.check.LimitCheck`, from the compiled limits."""
-        idle = np.zeros((getattr(self._problem, "remembers", 0), trajectory.start.shape[1]))
-        origin, start = self._coordinates.begin(np.vstack([trajectory.start, idle]))
+        origin, start = self._coordinates.begin(trajectory.start)
         top = np.ascontiguousarray(trajectory.top, dtype=float)
         violation = np.empty(len(top))
         stacked = _stacked([values[:, : len(top) + 1] for values in limits])
@@ -295,13 +294,14 @@ class _Coordinates:
     """The kernel's coordinates: relative to where a trajectory begins."""
 
     def __init__(self, kernel: ctypes.CDLL, dimension: int) -> None:
-        self._kernel = kernel
+        self._kernel, self._state = kernel, kernel.gbt_state_size()
         self._base = np.zeros(dimension)
         self._sizes = {name: getattr(kernel, f"gbt_{name}_size")() for name in ("ends", "knots")}
 
     def begin(self, start: Array) -> tuple[Array, Array]:
         """The origin ``(d,)``, and a start relative to it."""
-        state = np.ascontiguousarray(start, dtype=float)
+        state = np.zeros(max(self._state, np.size(start)))  # nothing acts where a start does not say what does
+        state[: np.size(start)] = np.ravel(start)
         origin, begin = np.empty_like(self._base), np.empty_like(state)
         self._kernel.gbt_begin(*(ctypes.c_void_p(values.ctypes.data) for values in (self._base, state, origin, begin)))
         return origin, begin
