@@ -133,10 +133,12 @@ def line(pair: Pair, rows: list[dict[str, Any]], others: list[dict[str, Any]]) -
         late = max(row["current_error_late"] for row in rows)
         known = max(row["current_known_from_s"] for row in rows)
         cells.append(f"{late:.3f}; to {ESTIMATED:g} from {known:.0f} s at the latest")
-    else:
+    elif "vehicle.model" in pair.changes:
         slow = [row["speed_ahead_min"] for row in rows if row["speed_ahead_min"] is not None]
         tight = [row["turn_radius_min_m"] for row in rows if row["turn_radius_min_m"] is not None]
         cells.append(f"{min(slow, default=math.nan):.2f} m/s, {min(tight, default=math.nan):.2f} m")
+    else:
+        cells.append("")
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
