@@ -86,13 +86,14 @@ def overrides(pair: Pair, seed: int, duration: float, *, beside: bool) -> dict[s
 
 def run(pair: Pair, seed: int, duration: float, beside: bool) -> dict[str, Any]:
     """One run in numbers."""
-    result = gbt.run(pair.configuration, overrides=overrides(pair, seed, duration, beside=beside), seed=seed)
+    keys = overrides(pair, seed, duration, beside=beside)
+    result = gbt.run(pair.configuration, overrides=[f"{key}={json.dumps(keys[key])}" for key in keys], seed=seed)
     history, summary = result.history, result.summary
-    keys = (
+    names = (
         "relative_error", "relative_error_10s", "distance_min", "steps_below_standoff", "lost", "violation_max",
         "speed_ahead_min", "turn_radius_min_m", "power_mean_w", "thrust_reversals_per_min", "wall_s",
     )  # fmt: skip
-    found = {key: summary.get(key) for key in keys}
+    found = {key: summary.get(key) for key in names}
     if pair.drifts and not beside:
         wrong = np.linalg.norm(history.current_estimate - history.current, axis=1)
         far = history.t[wrong > ESTIMATED]
@@ -132,10 +133,12 @@ def line(pair: Pair, rows: list[dict[str, Any]], others: list[dict[str, Any]]) -
         late = max(row["current_error_late"] for row in rows)
         known = max(row["current_known_from_s"] for row in rows)
         cells.append(f"{late:.3f}; to {ESTIMATED:g} from {known:.0f} s at the latest")
-    else:
+    elif "vehicle.model" in pair.changes:
         slow = [row["speed_ahead_min"] for row in rows if row["speed_ahead_min"] is not None]
         tight = [row["turn_radius_min_m"] for row in rows if row["turn_radius_min_m"] is not None]
         cells.append(f"{min(slow, default=math.nan):.2f} m/s, {min(tight, default=math.nan):.2f} m")
+    else:
+        cells.append("")
     return "| " + " | ".join(map(str, cells)) + " |"
 
 

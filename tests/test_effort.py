@@ -159,6 +159,20 @@ def test_a_flat_trajectory_pays_for_the_steps_of_its_thrust(solver):
     np.testing.assert_allclose(again, cheapest(weight, goal, found[0]), atol=2e-5)
 
 
+def test_a_start_that_does_not_say_what_acts_goes_on_from_nothing():
+    """What calls a solver without a planner gives z and its rate alone."""
+    vehicle = PlanarPointMass(mass=1.0, thrust_max=(10.0, 10.0))
+    problem = TrajectoryProblem(vehicle, pieces=3, period=0.5).maximize(Nearness())
+    planner = with_change(problem, vehicle, 2.0).compile("compiled", TIGHT["compiled"])
+    goal = [np.tile([[1.0], [0.0]], (1, 3))]
+    limits = [np.zeros((0, 4))]
+    guesses = np.zeros((3, 2))
+    found = planner.solver.solve(np.zeros((2, 2)), goal, guesses, cold=True, limits=limits).variables
+    np.testing.assert_allclose(10.0 * found[:, 0], cheapest(2.0, 1.0, 0.0), atol=2e-5)
+    moved = planner.solve(np.zeros((2, 2)), goal=(1.0, 0.0)).trajectory
+    assert planner.solver.check(moved).shape == (3,)
+
+
 def cheapest(weight, goal, acting, form="held"):
     """Forces on a unit mass over three half seconds that cost least, from the exact motion."""
 

@@ -46,7 +46,8 @@ class SolveArrays:
 
     def fill(self, start: Array, objectives: Sequence[Array], limits: Sequence[Array]) -> None:
         """The start and the numbers relative to where it is, from the parameters."""
-        self.arrays["state"][:] = np.ravel(start)
+        self.arrays["state"][:] = 0.0  # nothing acts where a start does not say what does
+        self.arrays["state"][: np.size(start)] = np.ravel(start)
         for name, parameters in (("ends", objectives), ("knots", limits)):
             into, first = self.arrays[name], 0
             for values in parameters:
