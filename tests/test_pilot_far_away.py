@@ -70,8 +70,8 @@ TRACKERS = {
     "gp": ("case2", [], 0.2),
     "motion_gp": ("sea2d", [f"tracker={SMALL}"], 0.02),
 }
-"""Configuration of each, and how far float may be from double, over the range. That of gp takes bearings for exact, which
-floats are not, and sees little of the range here."""
+"""Configuration of each, and how far float may be from double, over the range. That of gp takes bearings for exact,
+which floats are not, and sees little of the range here."""
 
 
 @pytest.mark.long
@@ -89,7 +89,8 @@ def test_a_float_far_from_the_origin_knows_what_a_double_knows(name):
         pose, velocity = [*own, 0.0], [25.0, 6.4 * math.cos(0.8 * time), 0.0]
         line = target - own
         # now and then the position itself, in the coordinates of the earth
-        kind, value = (5, target) if number % 50 == 7 and name != "gp" else (0, [math.atan2(line[1], line[0]), 0.0])
+        placed = number % 50 == 7 and name != "gp"
+        kind, value = (5, target) if placed else (0, [math.atan2(line[1], line[0]), 0.0])
         double, single = (one.step(time, pose, velocity, kind, value) for one in pilots)
         origins.add(tuple(single[1]))
         assert not np.any(double[1]), "in double precision it stays"
