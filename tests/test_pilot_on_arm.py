@@ -2,10 +2,11 @@
 
 import functools
 import re
+import subprocess
 
 import numpy as np
 import pytest
-from arm_board import ARM, NEEDED, program_of, said_by
+from arm_board import ARM, COMPILER, FLAGS, MACHINE, NEEDED, UNITS, program_of, said_by
 from pilots_in_c import files_of
 
 import gbt_ocp as gbt
@@ -62,3 +63,31 @@ def test_commands_on_a_microcontroller_are_those_of_python(tmp_path, name, chang
     took = steps["instructions"]
     assert took[steps["planned"] == 1].min() > 1e5, "planning takes time"
     print(name, precision, f"mean {took.mean():.4g} most {took.max():.4g}", sizes)
+
+
+OF_TIMES = {
+    *("decide", "desired", "gaps", "guidance", "intake", "origin", "own_track", "pilot", "trajectory", "watch"),
+    *("bins", "motion_gp", "motions", "polar", "shape_rows", "singles", "track_memory", "ekf", "gp"),
+    *("moments", "places", "plan", "problem", "wide"),
+}
+"""Files that handle times, and coordinates of zones or of a moving origin, which are double in both precisions: a few
+operations a measurement, a command or a plan."""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "change"), [("case2", "seed=0"), ("sea2d", "seed=0")])
+def test_the_arithmetic_of_a_float_pilot_calls_no_library_for_doubles(tmp_path, name, change):
+    """On a floating-point unit for single precision: solver, factorisations, likelihood, rows and fits."""
+    parts = build_pilot(gbt.load_config(name, ["tracker.engine=compiled", change]))
+    free, calling = set(), set()
+    for file, text in files_of(parts).items():
+        (tmp_path / file).write_text(text, encoding="utf-8")
+    for source in sorted(tmp_path.glob("gbt_*.c")):
+        made = source.with_suffix(".o")
+        command = [COMPILER, *FLAGS, *MACHINE, *UNITS["single"], f"-I{tmp_path}", "-c", str(source), "-o", str(made)]
+        subprocess.run(command, check=True)
+        needs = subprocess.run(["arm-none-eabi-nm", "-u", str(made)], capture_output=True, text=True, check=True).stdout
+        (calling if re.search(r"__aeabi_(d|f2d|i2d|ui2d|cd)", needs) else free).add(source.stem.removeprefix("gbt_"))
+    assert calling <= OF_TIMES, calling - OF_TIMES
+    assert free >= {"solver", "interior", "riccati", "pieces", "slacks", "check", "linalg"}
+    assert free >= ({"gp_likelihood"} if name == "case2" else {"shape_fit", "shape_hypotheses"})

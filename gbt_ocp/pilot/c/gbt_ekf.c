@@ -20,10 +20,23 @@ void gbt_ekf_begin(gbt_ekf *filter, const gbt_ekf_settings *settings, const gbt_
     filter->time = 0;
     filter->known = settings->known;
     filter->own = unmoved;
-    for (int k = 0; k < D; k++) filter->start[k] = start[k];
+    for (int k = 0; k < D; k++) {
+        filter->start[k] = start[k];
+        filter->zero[k] = 0;
+    }
     for (int i = 0; i < N; i++) {
         filter->mean[i] = 0;
         for (int j = 0; j < N; j++) filter->covariance[i][j] = 0;
+    }
+}
+
+void gbt_ekf_shift(gbt_ekf *filter, const gbt_real *way)
+{
+    for (int k = 0; k < D; k++) {
+        filter->start[k] -= way[k];
+        filter->zero[k] -= way[k];
+        if (filter->begun) filter->mean[k] -= way[k];
+        for (int s = 0; s < GBT_SENSORS; s++) filter->own.position[s][k] -= way[k];
     }
 }
 
@@ -59,7 +72,7 @@ static int first_guess(const gbt_ekf *filter, const gbt_ekf_settings *settings, 
     const gbt_real angles[2] = {sighting->value[0], both ? sighting->value[1] : 0};
     if (filter->known) {
         for (int i = 0; i < D; i++) {
-            mean[i] = settings->known_mean[i];
+            mean[i] = filter->zero[i] + settings->known_mean[i];
             for (int j = 0; j < D; j++) covariance[i][j] = settings->known_covariance[i][j];
         }
         return 1;
@@ -165,7 +178,7 @@ void gbt_ekf_predict(const gbt_ekf *filter, const gbt_ekf_settings *settings, do
     const gbt_real t = (gbt_real)(time - filter->time), q = settings->process_noise;
     for (int i = 0; i < D; i++) {
         if (!filter->begun) {
-            mean[i] = filter->known ? settings->known_mean[i] : filter->start[i];
+            mean[i] = filter->known ? filter->zero[i] + settings->known_mean[i] : filter->start[i];
             for (int j = 0; j < D; j++) covariance[i * D + j] = (gbt_real)NAN;
             continue;
         }

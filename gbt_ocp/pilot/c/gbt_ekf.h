@@ -29,6 +29,7 @@ typedef struct {
     gbt_real start[GBT_DIMENSION]; /* of the vehicle: stands for the target's before that */
     gbt_real mean[GBT_N], covariance[GBT_N][GBT_N];
     gbt_own_velocities own;
+    gbt_real zero[GBT_DIMENSION]; /* where the coordinates of the settings begin */
 } gbt_ekf;
 
 /* Size of a gbt_ekf, for callers that do not see the struct. */
@@ -36,6 +37,9 @@ size_t gbt_ekf_bytes(void);
 
 /* Nothing taken yet, with the vehicle at start, GBT_DIMENSION. */
 void gbt_ekf_begin(gbt_ekf *filter, const gbt_ekf_settings *settings, const gbt_real *start);
+
+/* Moves the origin of all positions by a way, GBT_DIMENSION. */
+void gbt_ekf_shift(gbt_ekf *filter, const gbt_real *way);
 
 /* Takes a measurement at or after the time of the last one; 0 where it refuses it. */
 int gbt_ekf_take(gbt_ekf *filter, const gbt_ekf_settings *settings, const gbt_sighting *sighting);

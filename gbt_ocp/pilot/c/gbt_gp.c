@@ -19,8 +19,8 @@ static void begin(gbt_gp *process, const gbt_gp_settings *settings, int known, c
     process->known_time = 0;
     for (int k = 0; k < D; k++) {
         process->start[k] = start[k];
-        process->centre[k] = known ? settings->known_mean[k] : settings->on_vehicle ? start[k] : 0;
-        process->known_mean[k] = settings->known_mean[k];
+        process->known_mean[k] = process->zero[k] + settings->known_mean[k];
+        process->centre[k] = known ? process->known_mean[k] : settings->on_vehicle ? start[k] : process->zero[k];
         process->known_variance[k] = settings->known_variance[k];
         for (int j = 0; j < D; j++) process->known_axis[k][j] = settings->known_axis[k][j];
     }
@@ -33,7 +33,22 @@ static void begin(gbt_gp *process, const gbt_gp_settings *settings, int known, c
 void gbt_gp_begin(gbt_gp *process, const gbt_gp_settings *settings, const gbt_real *start)
 {
     gbt_gaps_init(&process->gaps, 0, GBT_WINDOW);
+    for (int k = 0; k < D; k++) process->zero[k] = 0;
     begin(process, settings, settings->known, start);
+}
+
+void gbt_gp_shift(gbt_gp *process, const gbt_real *way)
+{
+    for (int j = 0; j < D; j++) {
+        for (int k = 0; k < process->count; k++) process->window[k].own[j] -= way[j];
+#if GBT_BREAKS
+        process->suspect.own[j] -= way[j];
+#endif
+        process->zero[j] -= way[j];
+        process->known_mean[j] -= way[j];
+        process->start[j] -= way[j];
+        process->centre[j] -= way[j];
+    }
 }
 
 /* Whether the bearing to which the known position belongs is still in the window. */
@@ -211,7 +226,7 @@ gbt_gp_taken gbt_gp_add(gbt_gp *process, const gbt_gp_settings *settings, double
     if (!process->begun) process->known_time = time;
     process->begun = 1;
     for (int k = 0; k < D; k++)
-        process->centre[k] = known_in_window(process) ? process->known_mean[k] : settings->on_vehicle ? own[k] : 0;
+        process->centre[k] = known_in_window(process) ? process->known_mean[k] : settings->on_vehicle ? own[k] : process->zero[k];
     rows_of(process, &rows);
     gbt_gp_tune(&settings->tuning, &rows, process->log_theta);
     return taken;

@@ -34,6 +34,7 @@ typedef struct {
 #endif
     int known, begun;  /* whether a known position still counts; whether there was a bearing */
     double known_time; /* of the bearing to which that position belongs: the first, of the track or after a break */
+    gbt_real zero[GBT_DIMENSION]; /* where the coordinates of the settings begin */
     gbt_real known_mean[GBT_DIMENSION], known_axis[GBT_DIMENSION][GBT_DIMENSION], known_variance[GBT_DIMENSION];
     gbt_real start[GBT_DIMENSION], centre[GBT_DIMENSION]; /* of the vehicle at first; the prior mean */
     gbt_real log_theta[GBT_TUNABLE];
@@ -52,6 +53,9 @@ size_t gbt_gp_bytes(void);
 
 /* Nothing taken yet, with the vehicle at start, GBT_DIMENSION. */
 void gbt_gp_begin(gbt_gp *process, const gbt_gp_settings *settings, const gbt_real *start);
+
+/* Moves the origin of all positions by a way, GBT_DIMENSION. */
+void gbt_gp_shift(gbt_gp *process, const gbt_real *way);
 
 /* Takes a bearing, a unit vector, from an own position, GBT_DIMENSION each, after the time of the last one. */
 gbt_gp_taken gbt_gp_add(gbt_gp *process, const gbt_gp_settings *settings, double time, const gbt_real *bearing,

@@ -36,7 +36,20 @@ void gbt_motion_gp_begin(gbt_motion_gp *process, const gbt_motion_gp_settings *s
     gbt_gaps_init(&process->gaps, settings->binning.window, 0);
     process->bins.latest = process->bearing_at = -HUGE_VAL;
     process->restarts = 0;
+    for (int k = 0; k < D; k++) process->zero[k] = 0;
     begin(process, settings->known, start);
+}
+
+void gbt_motion_gp_shift(gbt_motion_gp *process, const gbt_real *way)
+{
+    for (int j = 0; j < D; j++) {
+        process->zero[j] -= way[j];
+        process->own[j] -= way[j];
+        for (int k = 0; k < process->bins.count; k++) process->bins.bin[k].own[j] -= way[j];
+        for (int k = 0; k < process->bins.samples; k++) process->bins.sample[k].own[j] -= way[j];
+        for (int k = 0; k < process->others.count; k++) process->others.single[k].sighting.position[j] -= way[j];
+        for (int k = 0; k < 2 * process->memory.count; k++) process->memory.kept[k / 2].position[k % 2][j] -= way[j];
+    }
 }
 
 /* ---- estimates ---- */
@@ -63,7 +76,7 @@ static int known_before(gbt_motion_gp *process, const gbt_motion_gp_settings *se
     if (!process->known || process->bins.bin[0].time > process->first + binning->width) return 0;
     known->count = 1;
     known->time[0] = process->first;
-    for (int j = 0; j < D; j++) known->position[0][j] = settings->known_mean[j];
+    for (int j = 0; j < D; j++) known->position[0][j] = process->zero[j] + settings->known_mean[j];
     return gbt_precision_root(settings->known_covariance[0], D, 1, known->root);
 }
 
@@ -267,7 +280,7 @@ void gbt_motion_gp_predict(const gbt_motion_gp *process, const gbt_motion_gp_set
     if (!process->found) {
         const gbt_real wide = prior->range * prior->range * gbt_exp(2 * prior->log_range_std * prior->log_range_std) / D;
         for (int i = 0; i < D; i++) {
-            mean[i] = process->known ? settings->known_mean[i] : process->own[i];
+            mean[i] = process->known ? process->zero[i] + settings->known_mean[i] : process->own[i];
             for (int j = 0; j < D; j++)
                 covariance[i * D + j] = process->known ? settings->known_covariance[i][j] : i == j ? wide : 0;
         }

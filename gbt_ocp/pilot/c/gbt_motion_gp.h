@@ -59,6 +59,7 @@ typedef struct {
     gbt_bins bins;
     gbt_singles others;
     gbt_track_memory memory;
+    gbt_real zero[GBT_DIMENSION]; /* where the coordinates of the settings begin */
 } gbt_motion_gp;
 
 /* What an estimate works on. */
@@ -75,6 +76,9 @@ size_t gbt_motion_gp_work_bytes(void);
 
 /* Nothing taken yet, with the vehicle at start, GBT_DIMENSION. */
 void gbt_motion_gp_begin(gbt_motion_gp *process, const gbt_motion_gp_settings *settings, const gbt_real *start);
+
+/* Moves the origin of all positions by a way, GBT_DIMENSION. */
+void gbt_motion_gp_shift(gbt_motion_gp *process, const gbt_real *way);
 
 /* Takes a measurement; 0 where it refuses it. */
 int gbt_motion_gp_take(gbt_motion_gp *process, const gbt_motion_gp_settings *settings, gbt_motion_gp_work *work,

@@ -163,7 +163,7 @@ void gbt_course_begin(gbt_course *course, gbt_slopes *slopes, const gbt_shape_pr
 void gbt_course_next(gbt_course *course, gbt_slopes *slopes, const gbt_shape_prior *prior, const gbt_motion *motion)
 {
     gbt_real before[D];
-    const int node = ++course->node, knot = node / GBT_KNOT_NODES;
+    const int node = ++course->node;
     const gbt_real half = course->step / 2;
     gbt_real rate[2];
     for (int k = 0; k < 2; k++) {
@@ -171,7 +171,6 @@ void gbt_course_next(gbt_course *course, gbt_slopes *slopes, const gbt_shape_pri
         const gbt_real share = (gbt_real)(at % GBT_KNOT_NODES) / GBT_KNOT_NODES;
         rate[k] = share > 0 ? (1 - share) * course->rate[left] + share * course->rate[left + 1] : course->rate[left];
     }
-    (void)knot;
     course->turned += half * (rate[0] + rate[1]);
     for (int i = 0; i < D; i++) before[i] = course->velocity[i];
     velocity_at(course, prior, motion);
@@ -251,13 +250,14 @@ static void set_slow(const gbt_real *factor, gbt_real deviation, gbt_real *chang
 }
 
 /* A value at a time in units of the knots of a process, ahead above 0, held beyond the last knots. */
-static gbt_real at_knot(const gbt_real *past, int most_past, const gbt_real *ahead, int most_ahead, double place)
+static gbt_real at_knot(const gbt_real *past, int most_past, const gbt_real *ahead, int most_ahead,
+                        gbt_real place)
 {
     const gbt_real *values = place > 0 ? ahead : past;
     const int most = place > 0 ? most_ahead : most_past;
-    const double far = fmin(fabs(place), (double)most);
-    const int left = far < most ? (int)far : most - 1;
-    const gbt_real share = (gbt_real)(far - left);
+    const gbt_real far = gbt_fmin(gbt_fabs(place), (gbt_real)most);
+    const int left = far < (gbt_real)most ? (int)far : most - 1;
+    const gbt_real share = far - (gbt_real)left;
     return (1 - share) * values[left] + share * values[left + 1];
 }
 
@@ -266,10 +266,10 @@ void gbt_motion_advance(const gbt_shape_prior *prior, const gbt_motion *motion, 
 {
     gbt_course past, ahead;
     gbt_real rate[GBT_FAST], change[GBT_SLOW], place[D], now, turned, before_turned = 0, before[D];
-    const double fast = seconds / prior->knot, slow = fast / GBT_SLOWER, node = fast * GBT_KNOT_NODES;
-    const double reached = fmin(node, GBT_NODES_AHEAD - 1);
+    const gbt_real fast = (gbt_real)(seconds / prior->knot), slow = fast / GBT_SLOWER, node = fast * GBT_KNOT_NODES;
+    const gbt_real reached = gbt_fmin(node, GBT_NODES_AHEAD - 1);
     const int left = reached < GBT_NODES_AHEAD - 1 ? (int)reached : GBT_NODES_AHEAD - 2;
-    const gbt_real share = (gbt_real)(reached - left);
+    const gbt_real share = reached - (gbt_real)left;
     gbt_course_begin(&past, 0, prior, motion, 0);
     gbt_course_begin(&ahead, 0, prior, motion, 1);
     while (ahead.node <= left) {
@@ -290,17 +290,17 @@ void gbt_motion_advance(const gbt_shape_prior *prior, const gbt_motion *motion, 
     for (int j = 0; j < GBT_HEADS; j++) later->white[j] = 0;
     later->white[0] = gbt_log(range / prior->range) / prior->log_range_std;
     for (int k = 0; k < GBT_FAST; k++)
-        rate[k] = at_knot(past.rate, GBT_FAST - 1, ahead.rate, GBT_SLOWER * GBT_BLOCKS, fast - k);
+        rate[k] = at_knot(past.rate, GBT_FAST - 1, ahead.rate, GBT_SLOWER * GBT_BLOCKS, fast - (gbt_real)k);
     set_turn(prior, rate, later);
     now = at_knot(past.faster, GBT_SLOW, ahead.faster, GBT_BLOCKS, slow);
     for (int k = 1; k <= GBT_SLOW; k++)
-        change[k - 1] = at_knot(past.faster, GBT_SLOW, ahead.faster, GBT_BLOCKS, slow - k) - now;
+        change[k - 1] = at_knot(past.faster, GBT_SLOW, ahead.faster, GBT_BLOCKS, slow - (gbt_real)k) - now;
     later->white[GBT_SPEED_AT] = motion->white[GBT_SPEED_AT] + now / prior->log_speed_std;
     set_slow(prior->speed_factor, speed_std(prior, motion->point), change, 0, later);
 #if GBT_DIMENSION == 3
     now = at_knot(past.steeper, GBT_SLOW, ahead.steeper, GBT_BLOCKS, slow);
     for (int k = 1; k <= GBT_SLOW; k++)
-        change[k - 1] = at_knot(past.steeper, GBT_SLOW, ahead.steeper, GBT_BLOCKS, slow - k) - now;
+        change[k - 1] = at_knot(past.steeper, GBT_SLOW, ahead.steeper, GBT_BLOCKS, slow - (gbt_real)k) - now;
     later->white[GBT_CLIMB_AT] = motion->white[GBT_CLIMB_AT] + now / prior->climb_std;
     set_slow(prior->climb_factor, prior->climb_change_std, change, 1, later);
 #endif

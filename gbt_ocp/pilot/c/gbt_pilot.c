@@ -2,6 +2,7 @@
 
 #include "gbt_decide.h"
 #include "gbt_math.h"
+#include "gbt_origin.h"
 #include "gbt_trajectory.h"
 
 #define D GBT_DIMENSION
@@ -49,29 +50,43 @@ double gbt_pilot_waypoint(const gbt_pilot *pilot, int after, gbt_setpoint *waypo
     if (!(end <= GBT_PIECES)) return NAN;
     for (int j = 0; j < D; j++) water[j] = gbt_flow(pilot, j);
     gbt_follow_setpoint(&guidance->follower, (gbt_real)(end * period), water, waypoint);
+    gbt_origin_give(pilot, waypoint->z);
     return began + end * period;
 }
 
 /* ---- inputs ---- */
 
-gbt_received gbt_pilot_navigate(gbt_pilot *pilot, double time, const gbt_real *pose, const gbt_real *velocity,
-                                const gbt_real *covariance)
+gbt_received gbt_pilot_navigate_far(gbt_pilot *pilot, double time, const double *pose, const gbt_real *velocity,
+                                    const gbt_real *covariance)
 {
     const gbt_real variance = covariance ? covariance[GBT_POSE * GBT_POSE - 1] : 0;
     gbt_own_state state;
-    if (!isfinite(time) || !gbt_finite(pose, GBT_POSE) || !gbt_finite(velocity, GBT_POSE) || !isfinite(variance) ||
-        variance < 0)
+    for (int j = 0; j < GBT_POSE; j++)
+        if (!isfinite((gbt_real)pose[j])) return answered(pilot, GBT_NO_NUMBER);
+    if (!isfinite(time) || !gbt_finite(velocity, GBT_POSE) || !isfinite(variance) || variance < 0)
         return answered(pilot, GBT_NO_NUMBER);
     if (!pilot->begun) {
-        gbt_tracker_begin(&pilot->tracker, pose);
+        gbt_origin_place(pilot, pose, state.pose);
+        gbt_tracker_begin(&pilot->tracker, state.pose);
         gbt_intake_begin(&pilot->intake, &pilot->tracker);
+        gbt_origin_begin(pilot, pose);
         pilot->begun = 1;
     }
+    gbt_origin_place(pilot, pose, state.pose);
     state.time = time;
     state.heading_std = gbt_sqrt(variance);
-    for (int j = 0; j < GBT_POSE; j++) state.pose[j] = pose[j];
-    gbt_earth_rates(pose[D], velocity, state.rates);
-    return answered(pilot, gbt_own_add(&pilot->own, &state, pilot->now));
+    gbt_earth_rates(state.pose[D], velocity, state.rates);
+    const gbt_received word = gbt_own_add(&pilot->own, &state, pilot->now);
+    if (word == GBT_TAKEN) gbt_origin_follow(pilot);
+    return answered(pilot, word);
+}
+
+gbt_received gbt_pilot_navigate(gbt_pilot *pilot, double time, const gbt_real *pose, const gbt_real *velocity,
+                                const gbt_real *covariance)
+{
+    double far[GBT_POSE];
+    for (int j = 0; j < GBT_POSE; j++) far[j] = (double)pose[j];
+    return gbt_pilot_navigate_far(pilot, time, far, velocity, covariance);
 }
 
 /* Gives a measurement its place in the earth frame, where the own state is known. */
@@ -86,6 +101,7 @@ static gbt_received place(gbt_pilot *pilot, gbt_measurement *measurement)
         own.heading_std = gbt_fmax(own.heading_std, gbt_listed_sensors[number].heading_std);
     }
     gbt_place_sighting(measurement, own.pose, own.heading_std, &sighting);
+    if (measurement->kind == GBT_POSITION && measurement->sensor.frame != GBT_BOW) gbt_origin_take(pilot, sighting.value);
     if (!gbt_intake_add(&pilot->intake, &sighting)) return GBT_FULL;
     if (pilot->decided) gbt_watch_see(&pilot->watch, &pilot->forecast, &sighting);
     return sighting.time < pilot->intake.latest ? GBT_LATE : GBT_TAKEN;
@@ -205,6 +221,7 @@ static void follow(const gbt_pilot *pilot, double hold, const gbt_real *z, const
     gbt_follow_points(guidance->follower.bandwidth, &at[0][0], &later[0][0], own, through[0], through[1], &followed);
     for (int i = 0; i < GBT_INPUTS; i++) command->thrust[i] = followed.thrust[i];
     gbt_follow_setpoint(&guidance->follower, (gbt_real)(now + gbt_pilot_numbers.lead), water, &command->setpoint);
+    gbt_origin_give(pilot, command->setpoint.z);
 }
 
 static void report(const gbt_pilot *pilot, double time, gbt_command *command)

@@ -66,6 +66,9 @@ typedef struct {
 } gbt_command;
 
 typedef struct {
+    /* where the coordinates of all positions here begin, m, in those of the caller: 0 in double precision; in single
+       precision it moves along with the vehicle */
+    double origin[GBT_DIMENSION];
     int begun; /* whether the tracker was made, at the first navigation */
     gbt_tracker tracker;
     gbt_guidance guidance;
@@ -107,6 +110,10 @@ size_t gbt_pilot_bytes(void);
    covariance   of the pose, GBT_POSE x GBT_POSE, or 0; the variance of the yaw is added to that of azimuths from the bow */
 gbt_received gbt_pilot_navigate(gbt_pilot *pilot, double time, const gbt_real *pose, const gbt_real *velocity,
                                 const gbt_real *covariance);
+
+/* The same with the pose in double in both precisions, for a vehicle far from where its coordinates begin. */
+gbt_received gbt_pilot_navigate_far(gbt_pilot *pilot, double time, const double *pose, const gbt_real *velocity,
+                                    const gbt_real *covariance);
 
 /* Takes in a measurement.
 

@@ -246,12 +246,14 @@ gbt_real gbt_recent_residual(const gbt_walk *on)
 {
     const gbt_seen *seen = on->seen;
     const gbt_real all = on->noise->correlated_std * on->noise->correlated_std;
+    const gbt_real forgets = (gbt_real)on->noise->correlation_time;
     gbt_real sum = 0, variance = all, mean[GBT_AXES] = {0};
     int count = 0;
-    for (int k = 0; k < seen->bins; k++) {
+    const int first = all > 0 || seen->bins < RECENT ? 0 : seen->bins - RECENT;
+    for (int k = first; k < seen->bins; k++) {
         const gbt_real spread = variance_of(on->noise, seen, on->range, k) + variance, gain = variance / spread;
         const gbt_real passed = k + 1 < seen->bins ? seen->time[k + 1] - seen->time[k] : 0;
-        const gbt_real kept = gbt_exp(-passed / (gbt_real)on->noise->correlation_time);
+        const gbt_real kept = all > 0 ? gbt_exp(-passed / forgets) : 0;
         for (int a = 0; a < GBT_AXES; a++) {
             const gbt_real left = on->angle[k][a] - mean[a];
             if (k >= seen->bins - RECENT) sum += left * left / spread;

@@ -19,6 +19,9 @@ static inline void gbt_tracker_begin(gbt_tracker *tracker, const gbt_real *start
     gbt_motion_gp_begin(tracker, &gbt_tracker_settings, start);
 }
 
+/* Moves the origin of all positions by a way, GBT_DIMENSION. */
+static inline void gbt_tracker_shift(gbt_tracker *tracker, const gbt_real *way) { gbt_motion_gp_shift(tracker, way); }
+
 /* Takes a measurement; 0 where it refuses it. */
 static inline int gbt_tracker_take(gbt_tracker *tracker, gbt_tracker_work *work, const gbt_sighting *sighting)
 {
