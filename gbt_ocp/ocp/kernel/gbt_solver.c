@@ -10,6 +10,7 @@
 #define TAIL (GBT_PIECES < 16 ? GBT_PIECES / 2 : 8)
 #define SHORT 5 /* pieces of a horizon that needs no such help */
 #define ROUGH ((gbt_real)1e-2)
+#define IN_BOX 60 /* iterations within the bounds of the inputs before the interior-point method answers */
 #define ASIDE ((gbt_real)0.1) /* of the full thrust, at a second start */
 
 /* mu of each start over that of the first */
@@ -74,8 +75,8 @@ static gbt_status answer(const gbt_settings *settings, gbt_real mu, const gbt_re
 {
 #if GBT_SHOOTING && GBT_BOX >= 0
     const int left = settings->deadline - result->iterations;
-    const int most = settings->iterations < left ? settings->iterations : left;
-    if (gbt_minimise_in_box(settings, most, work, result) == GBT_SOLVED) return GBT_SOLVED;
+    const int most = IN_BOX < left ? IN_BOX : left;
+    if (result->starts == 0 && gbt_minimise_in_box(settings, most, work, result) == GBT_SOLVED) return GBT_SOLVED;
     load(start, parameters, 0, GBT_PIECES, work->guess, work);
 #else
     (void)start;
