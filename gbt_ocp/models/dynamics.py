@@ -69,8 +69,10 @@ class Dynamics:
         z, dz = state[:n], rates[:n]
         return z, dz, ca.jtimes(dz, state, rates)
 
-    def state(self, z: ArrayLike, dz: ArrayLike) -> Array:
-        """The state ``(states,)`` at a flat output and its rate."""
+    def state(self, z: ArrayLike, dz: ArrayLike, expected: Array | None = None) -> Array:
+        """The state ``(states,)`` at a flat output and its rate; near the expected one, if the vehicle takes that."""
+        if expected is not None and hasattr(self.vehicle, "state_near"):
+            return np.asarray(self.vehicle.state_near(z, dz, expected[: self.states]), dtype=float)
         if self._is_driven:
             return np.asarray(self.vehicle.state(z, dz), dtype=float)
         return np.concatenate([np.asarray(z, dtype=float), np.asarray(dz, dtype=float)])
@@ -80,6 +82,64 @@ class Dynamics:
         """Whether the rates depend on the position, as in a current that differs from place to place."""
         state, inputs = ca.SX.sym("state", self.states), ca.SX.sym("inputs", self.inputs)
         return bool(ca.depends_on(self.rates(state, inputs), state[: self.vehicle.position_dimension]))
+
+
+def stepped(
+    dynamics: Dynamics, state: Any, inputs: tuple[Any, Any, Any], duration: Any, numbers: ca.SX, multiplier: ca.SX
+) -> tuple[Any, Any, Any]:
+    """One classical Runge-Kutta step with its derivatives, CasADi expressions that know what depends on what.
+
+    Derivatives of the rates at the four stages are put together by the chain rule. CasADi's own of the finished step
+    are the same at twice the operations.
+
+    Parameters
+    ----------
+    state
+        At the beginning ``(states,)``.
+    inputs
+        At the beginning, in the middle and at the end ``(m,)`` each.
+    duration
+        In seconds.
+    numbers
+        Symbols for which is differentiated ``(k,)``; state and inputs are expressions of them.
+    multiplier
+        Symbols ``(states,)``.
+
+    Returns
+    -------
+    The state after it ``(states,)``, its derivatives ``(states, k)``, and the second derivatives of its product with
+    the multiplier ``(k, k)``.
+    """
+    sizes = dynamics.states, dynamics.inputs, dynamics.states
+    x, u, weight = (ca.SX.sym(name, size) for name, size in zip("xuw", sizes, strict=True))
+    rates, at = ca.SX(dynamics.rates(x, u)), ca.vertcat(x, u)
+    stage = ca.Function("stage", [x, u], [rates, ca.jacobian(rates, at)])
+    curve = ca.Function("curve", [x, u, weight], [ca.hessian(ca.dot(weight, rates), at)[0]])
+    first, (before, middle, after) = ca.jacobian(state, numbers), inputs
+    inner, outer = (0.0, 0.5, 0.5, 1.0), (1.0, 2.0, 2.0, 1.0)
+    # of each stage: where it is; k; derivatives there, and of where it is for the numbers
+    points: list[tuple[Any, Any]] = []
+    moved: list[Any] = []
+    slopes: list[tuple[Any, Any]] = []
+    for part, given in zip(inner, (before, middle, middle, after), strict=True):
+        here, along = state, first
+        if moved:
+            here = state + part * duration * moved[-1]
+            along = first + part * duration * ca.mtimes(*slopes[-1])
+        k, slope = stage(here, given)
+        points.append((here, given))
+        moved.append(k)
+        slopes.append((slope, ca.vertcat(along, ca.jacobian(given, numbers))))
+    shares = [part * duration / 6.0 for part in outer]
+    end = state + sum(share * k for share, k in zip(shares, moved, strict=True))
+    total = first + sum(share * ca.mtimes(*pair) for share, pair in zip(shares, slopes, strict=True))
+    bend, back = ca.SX(numbers.numel(), numbers.numel()), 0.0
+    for k in reversed(range(4)):
+        own = shares[k] * multiplier + back
+        slope, along = slopes[k]
+        bend += ca.mtimes([along.T, curve(*points[k], own), along])
+        back = inner[k] * duration * ca.mtimes(slope[:, : dynamics.states].T, own)
+    return end, total, bend
 
 
 def integrated(dynamics: Dynamics, state: Any, inputs: tuple[Any, Any], duration: Any, steps: int) -> Any:

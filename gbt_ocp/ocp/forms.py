@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from gbt_ocp.models.dynamics import Dynamics, integrated
+from gbt_ocp.models.dynamics import Dynamics, integrated, stepped
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ProblemData, ShootingData
 from gbt_ocp.ocp.terms import AccumulatedObjective, Constraint, Objective, at_endpoint
 from gbt_ocp.ocp.thrust_limits import InputRateLimit, ThrustEffort, ThrustLimit
@@ -168,6 +168,13 @@ class ShootingForm:
         """The vehicle's state after one Runge-Kutta step from one share of the piece to another."""
         inputs = self.inputs_after(begin), self.inputs_after(end)
         return integrated(self.dynamics, state, inputs, (end - begin) * self._problem.period, 1)
+
+    def flow_derivatives(self, span: Any, multiplier: Any) -> tuple[Any, Any, Any]:
+        """:func:`gbt_ocp.models.dynamics.stepped` from one share of the piece to another, for its numbers."""
+        piece = self.point[: self.width]
+        inputs = tuple(self.inputs_after((1.0 - part) * span[0] + part * span[1]) for part in (0.0, 0.5, 1.0))
+        duration = (span[1] - span[0]) * self._problem.period
+        return stepped(self.dynamics, piece[: self.dynamics.states], inputs, duration, piece, multiplier)
 
     def inputs_after(self, share: Any) -> Any:
         """The inputs after a share of the piece ``(m,)``."""

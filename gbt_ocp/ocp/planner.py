@@ -86,6 +86,10 @@ class AnyPlanner:
             return self._acting
         return np.asarray(self._previous.top[0][-len(self.problem.vehicle.thrust_max) :])
 
+    def _expected(self) -> Array | None:
+        """Where the last plan has led a vehicle that is not flat, if its first piece was followed."""
+        return self._previous.states[1] if isinstance(self._previous, ShotTrajectory) else None
+
     @property
     def previous(self) -> Any:
         """The trajectory of the last step, from which the next solve starts; may be set to repeat a recorded step."""
@@ -97,7 +101,7 @@ class AnyPlanner:
 
     def start(self, state: ArrayLike) -> Array:
         """What a solver takes as the start, of a state as in :meth:`solve`; ``ValueError`` if it does not fit."""
-        return np.asarray(self._form.start(state, self._inputs_now()))
+        return np.asarray(self._form.start(state, self._inputs_now(), self._expected()))
 
     def objective(self, trajectory: FlatTrajectory | ShotTrajectory, parameters: list[Array]) -> float:
         """The objective of any trajectory, without penalty."""

@@ -54,9 +54,13 @@ def _shooting(form: ShootingForm) -> MotionInC:
     """The state at the end of a piece with its first and second derivatives, and what a plan reports of a piece."""
     piece, share, span = form.point[: form.width], ca.SX.sym("share"), ca.SX.sym("span", 2)
     single = form.steps == 1
-    end = form.state_after(1.0) if single else form.flow(piece[: form.dynamics.states], span[0], span[1])
-    multiplier = ca.SX.sym("multiplier", end.numel())
-    curvature, rows, columns = nonzeros(ca.tril(ca.hessian(ca.dot(multiplier, end), piece)[0]))
+    multiplier = ca.SX.sym("multiplier", form.states if single else form.dynamics.states)
+    if single:
+        end = form.state_after(1.0)
+        slopes, bend = ca.jacobian(end, piece), ca.hessian(ca.dot(multiplier, end), piece)[0]
+    else:
+        end, slopes, bend = form.flow_derivatives(span, multiplier)
+    curvature, rows, columns = nonzeros(ca.tril(bend))
     point = form.flat_point(piece[: form.states], form.inputs_after(0.0))
     name, more = ("gbt_stage", []) if single else ("gbt_flow", [span])
     tables = _pattern(name, rows, columns)
@@ -64,7 +68,7 @@ def _shooting(form: ShootingForm) -> MotionInC:
         tables += _pattern("gbt_stage", *(places.tolist() for places in np.tril_indices(form.width)))
     functions = [
         c_function(name, [piece, *more], end),
-        c_function(f"{name}_slopes", [piece, *more], ca.vec(ca.jacobian(end, piece).T)),
+        c_function(f"{name}_slopes", [piece, *more], ca.vec(slopes.T)),
         c_function(f"{name}_curvature", [piece, multiplier, *more], curvature),
         c_function("gbt_stage_point", [piece], ca.vertcat(point.z, point.dz)),
         c_function("gbt_stage_inputs", [piece, share], form.inputs_after(share)),

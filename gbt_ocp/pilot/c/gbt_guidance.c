@@ -10,7 +10,9 @@ void gbt_guidance_begin(gbt_guidance *guidance)
 {
     const gbt_pilot_settings *numbers = &gbt_pilot_numbers;
     gbt_plan_init(&guidance->planner);
+#if !GBT_SHOOTING
     gbt_follow_init(&guidance->follower, numbers->follow_bandwidth);
+#endif
     gbt_startup_init(&guidance->startup, numbers->axis, numbers->startup_deviation, numbers->startup_speed,
                      numbers->startup_opening, numbers->startup_leg, (gbt_real)numbers->period);
     guidance->desired.rate = numbers->desired_rate;
@@ -30,9 +32,9 @@ void gbt_guidance_begin(gbt_guidance *guidance)
 static int elapsed(const gbt_guidance *guidance, double time, double *seconds)
 {
     const double since = time - guidance->planned_at, period = (double)GBT_PERIOD;
-    const double count = rint(since * GBT_STEPS / period), on_time = count * period / GBT_STEPS;
+    const double count = rint(since * GBT_SAMPLES / period), on_time = count * period / GBT_SAMPLES;
     *seconds = fabs(since - on_time) <= ON_SCHEDULE ? on_time : since;
-    return count < GBT_STEPS;
+    return count < GBT_SAMPLES;
 }
 
 /* Turns the desired bearing to where a plan begins: at the pace that the range allows, or on at the line of sight. */
@@ -57,6 +59,34 @@ static void prepare_desired(gbt_guidance *guidance, double time, gbt_real flat[G
 /* An estimator without a covariance is taken at its word. */
 static gbt_real known(gbt_real variance) { return isnan(variance) ? 0 : variance; }
 
+#if GBT_SHOOTING
+/* The state from which is planned, with the inputs that act now where their rates are limited. */
+static void begin_plan(gbt_guidance *guidance, gbt_real flat[GBT_JOINED][GBT_FLAT])
+{
+    gbt_driven_state(flat[0], flat[1], 0, guidance->began);
+#if GBT_LAST < GBT_STATES
+    for (int j = 0; j < GBT_INPUTS; j++) {
+        const gbt_real planned = guidance->planner.warm ? guidance->plan.top[0][GBT_FREE - GBT_INPUTS + j] : 0;
+        guidance->began[GBT_LAST + j] = guidance->acts ? guidance->acting[j] : planned;
+    }
+#endif
+}
+#endif
+
+void gbt_guidance_replace(gbt_guidance *guidance, const gbt_real *top)
+{
+    for (int a = 0; a < GBT_PIECES * GBT_FREE; a++) {
+        guidance->planner.previous[a / GBT_FREE][a % GBT_FREE] = top[a];
+        guidance->plan.top[a / GBT_FREE][a % GBT_FREE] = top[a];
+#if !GBT_SHOOTING
+        guidance->follower.top[a / GBT_FREE][a % GBT_FREE] = top[a];
+#endif
+    }
+#if GBT_SHOOTING
+    gbt_regulator_replace(&guidance->regulator, guidance->began, guidance->plan.top);
+#endif
+}
+
 static gbt_decision plan(gbt_guidance *guidance, double time, gbt_real flat[GBT_JOINED][GBT_FLAT],
                          const gbt_forecast *forecast)
 {
@@ -73,24 +103,58 @@ static gbt_decision plan(gbt_guidance *guidance, double time, gbt_real flat[GBT_
     }
     for (int i = 0; i < GBT_PIECES; i++)
         gbt_desired_at(&guidance->desired, time + (double)GBT_PERIOD * (i + 1), desired[i]);
-    gbt_plan(&guidance->planner, &flat[0][0], &mean[0][0], &covariance[0][0][0], &desired[0][0], &guidance->plan);
+#if GBT_SHOOTING
+    begin_plan(guidance, flat);
+    const gbt_real *state = guidance->began;
+#else
+    const gbt_real *state = &flat[0][0];
+#endif
+    gbt_plan(&guidance->planner, state, &mean[0][0], &covariance[0][0][0], &desired[0][0], &guidance->plan);
     if (guidance->plan.origin == GBT_NO_PLAN) return GBT_DECIDED_NOTHING;
-    gbt_follow_plan(&guidance->follower, &flat[0][0], &guidance->plan.top[0][0]);
+#if GBT_SHOOTING
+    gbt_regulator_plan(&guidance->regulator, state, guidance->plan.top);
+    guidance->acts = 0;
+#else
+    gbt_follow_plan(&guidance->follower, state, &guidance->plan.top[0][0]);
+#endif
     guidance->planned = 1;
     guidance->planned_at = time;
     guidance->elapsed = 0;
     return GBT_DECIDED_PLAN;
 }
 
+/* Crosses the line of sight, or says that it is time to plan. */
+static gbt_startup_status cross(gbt_guidance *guidance, double time, gbt_real flat[GBT_JOINED][GBT_FLAT],
+                                const gbt_forecast *forecast)
+{
+    gbt_real covariance[D][D];
+    for (int p = 0; p < D; p++)
+        for (int q = 0; q < D; q++) covariance[p][q] = known(forecast->covariance[0][p][q]);
+#if GBT_SHOOTING
+    gbt_real velocity[D];
+    const gbt_startup_status status = gbt_startup_velocity(&guidance->startup, (gbt_real)time, flat[0],
+                                                           forecast->mean[0], &covariance[0][0], velocity);
+    if (status == GBT_STARTUP_CROSS) {
+        gbt_helm_reach(&guidance->helm, flat[0], flat[1], velocity, guidance->thrust);
+        guidance->acts = 1;
+        for (int j = 0; j < GBT_INPUTS; j++) guidance->acting[j] = guidance->thrust[j];
+    }
+    if (status == GBT_STARTUP_RESTART && !guidance->acts && guidance->planner.warm) {
+        guidance->acts = 1;
+        for (int j = 0; j < GBT_INPUTS; j++) guidance->acting[j] = guidance->plan.top[0][GBT_FREE - GBT_INPUTS + j];
+    }
+    return status;
+#else
+    return gbt_startup_step(&guidance->startup, (gbt_real)time, flat[0], flat[1], forecast->mean[0], &covariance[0][0],
+                            guidance->thrust);
+#endif
+}
+
 gbt_decision gbt_guidance_decide(gbt_guidance *guidance, double time, gbt_real flat[GBT_JOINED][GBT_FLAT],
                                  const gbt_forecast *forecast)
 {
     if (gbt_pilot_numbers.startup_deviation > 0) {
-        gbt_real covariance[D][D];
-        for (int p = 0; p < D; p++)
-            for (int q = 0; q < D; q++) covariance[p][q] = known(forecast->covariance[0][p][q]);
-        switch (gbt_startup_step(&guidance->startup, (gbt_real)time, flat[0], flat[1], forecast->mean[0],
-                                 &covariance[0][0], guidance->thrust)) {
+        switch (cross(guidance, time, flat, forecast)) {
         case GBT_STARTUP_CROSS: return GBT_DECIDED_CROSS;
         case GBT_STARTUP_NOT_FINITE: return GBT_DECIDED_NOTHING;
         case GBT_STARTUP_RESTART:

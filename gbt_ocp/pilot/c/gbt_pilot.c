@@ -2,7 +2,9 @@
 
 #include "gbt_decide.h"
 #include "gbt_math.h"
+#if !GBT_SHOOTING
 #include "gbt_trajectory.h"
+#endif
 
 #define D GBT_DIMENSION
 
@@ -28,7 +30,7 @@ static gbt_received answered(gbt_pilot *pilot, gbt_received word)
 gbt_received gbt_pilot_navigate(gbt_pilot *pilot, double time, const gbt_real *pose, const gbt_real *velocity,
                                 const gbt_real *covariance)
 {
-    const gbt_real variance = covariance ? covariance[GBT_POSE * GBT_POSE - 1] : 0;
+    const gbt_real variance = covariance ? covariance[D * GBT_POSE + D] : 0;
     gbt_own_state state;
     if (!isfinite(time) || !gbt_finite(pose, GBT_POSE) || !gbt_finite(velocity, GBT_POSE) || !isfinite(variance) ||
         variance < 0)
@@ -41,7 +43,7 @@ gbt_received gbt_pilot_navigate(gbt_pilot *pilot, double time, const gbt_real *p
     state.time = time;
     state.heading_std = gbt_sqrt(variance);
     for (int j = 0; j < GBT_POSE; j++) state.pose[j] = pose[j];
-    gbt_earth_rates(pose[D], velocity, state.rates);
+    gbt_earth_rates(pose, velocity, state.rates);
     return answered(pilot, gbt_own_add(&pilot->own, &state, pilot->now));
 }
 
@@ -153,15 +155,19 @@ static void settle(gbt_pilot *pilot, double time)
 }
 
 /* The thrust of the decision, and the setpoint of its plan. */
-static void follow(const gbt_pilot *pilot, double hold, const gbt_real *z, const gbt_real *dz, gbt_command *command)
+static void follow(gbt_pilot *pilot, double hold, const gbt_real *z, const gbt_real *dz, gbt_command *command)
 {
-    const gbt_guidance *guidance = &pilot->guidance;
+    gbt_guidance *guidance = &pilot->guidance;
     const double now = guidance->elapsed + (command->time - pilot->decided_at);
-    gbt_follow_result followed;
     if (!pilot->following) {
         for (int i = 0; i < GBT_INPUTS; i++) command->thrust[i] = guidance->thrust[i];
         return;
     }
+#if GBT_SHOOTING
+    (void)hold;
+    gbt_regulator_inputs(&guidance->regulator, now, z, dz, command->thrust);
+#else
+    gbt_follow_result followed;
     gbt_real at[GBT_ORDERS][GBT_FLAT], later[GBT_ORDERS][GBT_FLAT], own[GBT_FLAT];
     gbt_trajectory_at(&guidance->follower, now, at);
     gbt_trajectory_at(&guidance->follower, now + hold / 2, later);
@@ -169,6 +175,7 @@ static void follow(const gbt_pilot *pilot, double hold, const gbt_real *z, const
     gbt_follow_points(guidance->follower.bandwidth, &at[0][0], &later[0][0], own, z, dz, &followed);
     for (int i = 0; i < GBT_INPUTS; i++) command->thrust[i] = followed.thrust[i];
     gbt_follow_setpoint(&guidance->follower, (gbt_real)(now + gbt_pilot_numbers.lead), 0, &command->setpoint);
+#endif
 }
 
 static void report(const gbt_pilot *pilot, double time, gbt_command *command)
