@@ -51,6 +51,9 @@ def driven_defaults(name: str, beneath: Mapping[str, Any], written: Mapping[str,
     if known.speed_min > 0.0:
         limits |= {"speed_min": known.speed_min, "turn_radius_m": known.turn_radius}
         names += ["speed_min", "turn_radius"]
+    if known.pitch > 0.0:
+        limits["pitch_deg"] = round(math.degrees(known.pitch), 6)
+        names.append("pitch")
     hard = value_at(beneath, ("limits", "hard"))
     limits["hard"] = [*(hard if isinstance(hard, list | tuple) else ()), *names]
     given = (value_at(merged, path) for path in (("planner", "period_s"), ("sensor", "period_s")))
