@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import casadi as ca
 import numpy as np
 
@@ -14,10 +16,10 @@ from gbt_ocp.ocp.thrust_limits import ThrustLimit
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.typing import Array
 
-PUSHES = (0.1, -0.1, 0.4, -0.4)
+PUSHES = (0.2, -0.2)
 """Shares of the limit of each input at which the step size is tried."""
 
-RESOLVED = 1.0e-3
+RESOLVED = 0.01
 """Error over a piece, over what the state changes, that is allowed."""
 
 MOST_STEPS = 16
@@ -59,10 +61,11 @@ def resolving_steps(vehicle: DrivenVehicle | Vehicle, period: float) -> int:
     state, inputs, duration = ca.SX.sym("state", dynamics.states), ca.SX.sym("inputs", dynamics.inputs), ca.SX.sym("s")
     step = ca.Function("step", [state, inputs, duration], [integrated(dynamics, state, (inputs, inputs), duration, 1)])
 
+    several = cache(lambda steps: step.mapaccum(steps))
+
     def after(x: Array, held: Array, steps: int) -> Array:
-        for _ in range(steps):
-            x = np.asarray(step(x, held, period / steps)).ravel()
-        return x
+        given = np.tile(held[:, None], steps), np.full((1, steps), period / steps)
+        return np.asarray(several(steps)(x, *given))[:, -1]
 
     tried = []
     for axis in range(dynamics.inputs):

@@ -24,7 +24,7 @@ def verdict(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
         *_winners(tables, pairs),
         *(_of_pair(tables, pair, pairs[0]) for pair in pairs),
         *_hard_against_penalty(tables, pairs),
-        *_integrated_against_flat(tables, pairs),
+        *integrated_against_flat(tables, pairs),
         *_nodes(tables, pairs),
         *_closed_loops(tables, pairs),
         *_at_a_distance(tables, pairs),
@@ -153,7 +153,8 @@ def _hard_against_penalty(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
     return lines
 
 
-def _integrated_against_flat(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
+def integrated_against_flat(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
+    """What trajectories by integration are worth beside flat ones, a sentence a pair."""
     lines = []
     for pair in (one for one in pairs if one.formulation == "shooting"):
         others = [Pair(name, pair.solver).name for name in ("soft", "hard")]
