@@ -188,7 +188,7 @@ def test_limits_of_the_steering():
     values = np.asarray(ca.DM(LeastTurnRadius(3, 4.0).value(point))).ravel()
     np.testing.assert_allclose(values, [1.5 - turn, 1.5 + turn])
     assert float(PitchLimit(0.6).value(point)) == pytest.approx(-0.5)
-    with pytest.raises(ValueError, match="angle: found 1.6"):
+    with pytest.raises(ValueError, match=r"angle: found 1\.6"):
         PitchLimit(1.6)
 
 
