@@ -34,7 +34,7 @@ DRIVEN_SETTINGS = {
 }
 """Settings of such a pilot by name, and what they are."""
 
-_SOURCE = """/* Generated: how one vehicle moves, and how it is steered. */
+_MOVING = """/* Generated: how one vehicle moves, and how it is steered. */
 #include "gbt_helm.h"
 #include "gbt_math.h"
 #include "gbt_regulator.h"
@@ -83,4 +83,4 @@ def driven_in_c(parts: PilotParts, problem: ShootingData) -> DrivenInC:
         c_function("gbt_steering", [shares], vehicle.steered(shares[0], shares[1])),
     ]
     sizes = {"PARTS": grid, "REACHED": reached, "PUSHES": len(numbers["helm_push"])}
-    return DrivenInC(numbers, sizes, _SOURCE.format(functions=c_source(functions)))
+    return DrivenInC(numbers, sizes, _MOVING.format(functions=c_source(functions)))

@@ -19,10 +19,10 @@ from gbt_ocp.typing import Array
 PUSHES = (0.2, -0.2)
 """Shares of the limit of each input at which the step size is tried."""
 
-RESOLVED = 0.01
+STEP_ERROR = 0.01
 """Error over a piece, over what the state changes, that is allowed."""
 
-MOST_STEPS = 16
+MOST_TRIED = 16
 """Largest number of Runge-Kutta steps of a piece that is tried."""
 
 LONG_DRIVE = 8
@@ -45,7 +45,7 @@ def by_integration(problem: TrajectoryProblem) -> ShootingProblem:
 
 
 def resolving_steps(vehicle: DrivenVehicle | Vehicle, period: float) -> int:
-    """The fewest classical Runge-Kutta steps over a period that err by less than :data:`RESOLVED`.
+    """The fewest classical Runge-Kutta steps over a period that err by less than :data:`STEP_ERROR`.
 
     Compared with four times as many, from rest and from the speed that each push ends in, under the push and under its
     reverse.
@@ -75,14 +75,14 @@ def resolving_steps(vehicle: DrivenVehicle | Vehicle, period: float) -> int:
             moving = np.zeros(dynamics.states)
             tried.append((moving, held))
             for _ in range(LONG_DRIVE):
-                moving = after(moving, held, 4 * MOST_STEPS)
+                moving = after(moving, held, 4 * MOST_TRIED)
             tried += [(moving, held), (moving, -held)]
     tried = [(x, held) for x, held in tried if np.all(np.isfinite(x))]
-    for steps in range(1, MOST_STEPS):
+    for steps in range(1, MOST_TRIED):
         ends = [(x, after(x, held, steps), after(x, held, 4 * steps)) for x, held in tried]
-        if all(np.max(np.abs(end - fine)) <= RESOLVED * max(np.max(np.abs(fine - x)), 1.0) for x, end, fine in ends):
+        if all(np.max(np.abs(end - fine)) <= STEP_ERROR * max(np.max(np.abs(fine - x)), 1.0) for x, end, fine in ends):
             return steps
-    return MOST_STEPS
+    return MOST_TRIED
 
 
 def held_half_way(trajectory: FlatTrajectory, problem: ShootingProblem) -> Array:
