@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 from scipy.stats import bootstrap
-from shooting_forms import FORMS, Form, Reach, falcon, make
+from shooting_forms import FORMS, Form, Reach, falcon, make, make_in_loop
 
 from gbt_ocp.experiments.build.loop import build_loop
 from gbt_ocp.experiments.config.loading import load_config
@@ -228,16 +228,25 @@ COLUMNS = (
     "yaw_rate",
     "distance",
     "solved",
+    "error",
 )
 
 
+SETTLING_S = 2.0
+"""Time from which errors count as settled, as in the summary of a run."""
+
+
 def one_run(case: str, preset: str, pull: float, pieces: int, name: str, seed: int, seconds: float) -> list[float]:
-    """A closed loop in which the vehicle goes exactly where the form's model leads."""
+    """A closed loop in which the vehicle goes exactly where the form's model leads.
+
+    The settled error is that of a run: the mean over all predicted positions, the present one among them.
+    """
     overrides = [f"preset={preset}", f"planner.pieces={pieces}", "planner.formulation=hard", "planner.solver=compiled"]
     loop, start = build_loop(load_config(case, overrides=overrides, seed=seed))
     d = loop.target.dimension
-    form = make(name, falcon(d), pieces, objectives(d, pull), solver="compiled")
+    form = make_in_loop(name, falcon(d), pieces, objectives(d, pull))
     state = form.start(start)
+    predicted = PERIOD * np.arange(loop.forecast + 1)
     ahead = PERIOD * np.arange(1, pieces + 1)
     rows = []
     for k in range(round(seconds / PERIOD) + 1):
@@ -246,14 +255,17 @@ def one_run(case: str, preset: str, pull: float, pieces: int, name: str, seed: i
         bearing = loop.sensor.measure(k, truth, own, loop.rng)
         assert bearing is not None, "no bearing is missed in these cases"
         loop.tracker.update(t, bearing, own)
-        forecast = loop.tracker.predict(t + ahead)
+        beliefs = loop.tracker.predict(t + predicted)
+        error = np.linalg.norm(beliefs.mean - loop.target.position(t + predicted), axis=1).mean()
+        forecast = SimpleNamespace(mean=beliefs.mean[1 : pieces + 1], covariance=beliefs.covariance[1 : pieces + 1])
         plan = form.planner.solve(state, forecast, loop.desired(t + ahead))
         line = truth - own
         distance = np.linalg.norm(line)
         similarity = loop.desired(t) @ line / distance
-        rows.append((similarity, plan.objective / pieces, abs(state[1, -1]), distance, plan.solved))
+        rows.append((similarity, plan.objective / pieces, abs(state[1, -1]), distance, plan.solved, error))
         state = plan.knots[1]
-    half = np.array(rows, dtype=float)[len(rows) // 2 :]
+    found = np.array(rows, dtype=float)
+    half = found[len(rows) // 2 :]
     kept = np.mean(half[:, 0] > 0.9)
     return [
         half[:, 0].min(),
@@ -262,6 +274,7 @@ def one_run(case: str, preset: str, pull: float, pieces: int, name: str, seed: i
         half[:, 1].mean(),
         *np.median(half[:, 2:4], 0),
         half[:, 4].mean(),
+        found[round(SETTLING_S / PERIOD) :, 5].mean(),
     ]
 
 
@@ -285,6 +298,8 @@ def loop(arguments: argparse.Namespace) -> None:
         "objective / p",
         "yaw rate (rad/s)",
         "distance (m)",
+        "solved",
+        "settled error (m)",
     )
     for setting in arguments.settings.split(";"):
         case, preset, pull, pieces, name = setting.split(":")
@@ -300,7 +315,16 @@ def loop(arguments: argparse.Namespace) -> None:
         )
         least, median = (f"{column.min():.3f} to {column.max():.3f}" for column in found[:, :2].T)
         print_row(
-            case, preset, pieces, name, len(found), least, median, *(f"{np.mean(c):.2f}" for c in found[:, 2:6].T)
+            case,
+            preset,
+            pieces,
+            name,
+            len(found),
+            least,
+            median,
+            *(f"{np.mean(c):.2f}" for c in found[:, 2:6].T),
+            f"{np.mean(found[:, 6]):.4f}",
+            f"{np.mean(found[:, 7]):.4f}",
         )
 
 

@@ -11,7 +11,15 @@ import numpy as np
 
 from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.models.vehicles import Vehicle
-from gbt_ocp.ocp import FlatPoint, FlatTrajectory, Objective, Planner, ThrustLimit, TrajectoryProblem
+from gbt_ocp.ocp import (
+    FlatPoint,
+    FlatTrajectory,
+    Objective,
+    Planner,
+    ShootingProblem,
+    ThrustLimit,
+    TrajectoryProblem,
+)
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.check import FINE_POINTS, LimitCheck
 from gbt_ocp.ocp.objective_total import point_symbols
@@ -148,6 +156,21 @@ class Form:
         return Outcome(found.solved, value, trajectory.endpoints, peak, used, found.iterations, found.variables)
 
 
+class ShotForm:
+    """A plan by integration with the compiled solver, thrust held or linear over each period: for closed loops."""
+
+    def __init__(self, name: str, problem: TrajectoryProblem, thrust: Any) -> None:
+        self.name = name
+        self.problem = ShootingProblem(
+            problem.vehicle, problem.pieces, problem.period, thrust, objectives=problem.objectives, hard=problem.hard
+        )
+        self.planner = self.problem.compile("compiled")
+
+    def start(self, state: np.ndarray) -> np.ndarray:
+        """Flat output and rate."""
+        return state[:2]
+
+
 def falcon(dimension: int) -> FossenVehicle:
     """The vehicle of the six cases."""
     return FossenVehicle(FALCON_2D if dimension == 2 else FALCON_3D, [5000.0] * dimension + [1500.0])
@@ -205,6 +228,16 @@ FORMS = {
     "thrust, half periods": Kind(planner=HalfThrust),
 }
 """By name. Pieces of a higher degree move more between two nodes, so they have more of them where they are free to."""
+
+INTEGRATED = {"held, compiled": "held", "linear, compiled": "linear"}
+"""Forms of closed loops alone: thrust over a period of :class:`ShotForm`."""
+
+
+def make_in_loop(name: str, vehicle: Vehicle, pieces: int, objectives: tuple[Objective, ...]) -> Form | ShotForm:
+    """A form of :data:`FORMS` or :data:`INTEGRATED` for closed loops, with the compiled solver where it has one."""
+    if name in INTEGRATED:
+        return ShotForm(name, posed(vehicle, pieces, objectives, 2, None, 4), INTEGRATED[name])
+    return make(name, vehicle, pieces, objectives, solver="compiled")
 
 
 def make(name: str, vehicle: Vehicle, pieces: int, objectives: tuple[Objective, ...], solver: str = "ipopt") -> Form:

@@ -9,9 +9,11 @@ import gbt_ocp as gbt
 from gbt_ocp.experiments.build.loop import Streams, build_start, build_target
 from gbt_ocp.experiments.build.pilot import build_pilot
 from gbt_ocp.guidance.startup import planner_of
+from gbt_ocp.models.driven import DrivenBody
 from gbt_ocp.ocp.codegen.library import kernel_files, load_library
 from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.problem_source import generate_problem
+from gbt_ocp.ocp.problem_data import ShootingData
 from gbt_ocp.pilot.pilot_source import pilot_files
 
 KINDS = ("azimuth", "azimuth_elevation", "elevation", "range", "size", "position")
@@ -32,8 +34,17 @@ FRAMES = (None, "earth", "bow")
 def files_of(parts):
     """All C files of a pilot and its planner."""
     planner = planner_of(parts.guidance)
-    options = CompiledOptions.checked(planner.solver.options, planner.problem.pieces)
-    return kernel_files() | generate_problem(planner.problem, options).files | pilot_files(parts)
+    shooting = isinstance(planner.problem, ShootingData)
+    options = CompiledOptions.checked(planner.solver.options, planner.problem.pieces, shooting=shooting)
+    return kernel_files(shooting=shooting) | generate_problem(planner.problem, options).files | pilot_files(parts)
+
+
+def own(vehicle, state):
+    """Pose and velocity as a pilot is given them: with the pitch of a vehicle that has one."""
+    n = vehicle.flat_dimension
+    if isinstance(vehicle, DrivenBody) and n > vehicle.position_dimension + 1:
+        return state[:n], state[n:]
+    return vehicle.pose(state), vehicle.velocity(state)
 
 
 class PilotInC:
@@ -140,7 +151,7 @@ class Compared:
         self.limit = self.python._piloting.parts.vehicle.thrust_max
         self.worst = self.worst_setpoint = 0.0
         self.commands = self.followed = 0
-        self.answers = set()
+        self.answers, self.decided = set(), []
 
     def navigate(self, *arguments):
         self._same(self.python.navigate(*arguments), self.c.navigate(*arguments))
@@ -164,6 +175,7 @@ class Compared:
         difference = float(np.max(np.abs(python.thrust - np.array(c.thrust)) / self.limit))
         self.worst = max(self.worst, difference)
         self.commands += 1
+        self.decided.append(python.decided)
         setpoint = python.setpoint
         assert (setpoint is None) == (c.setpoint.status != 0)
         if setpoint is not None:
@@ -211,9 +223,9 @@ def closed_loop(configuration, seconds, see, *, interval=None, late=0.0, pilot=N
     start = build_start(configuration, vehicle, streams.start, target.position(0.0))
     state, time, number, waiting = vehicle.state(start[0], start[1]), 0.0, 0, []
     while time <= seconds:
-        pose = vehicle.pose(state)
-        pilot.navigate(time, pose, vehicle.velocity(state), 1e-4 * np.eye(len(pose)))
-        for measurement in see(rng, time, target.position(time), pose):
+        pose, velocity = own(vehicle, state)
+        pilot.navigate(time, pose, velocity, 1e-4 * np.eye(len(pose)))
+        for measurement in see(rng, time, target.position(time), pose[: target.dimension + 1]):
             due = time + (rng.uniform(0.0, late) if late and rng.random() < 0.3 else 0.0)
             waiting.append((due, measurement))
         for one in [one for one in waiting if one[0] <= time]:

@@ -11,23 +11,30 @@ import time
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import gbt_ocp as gbt
 from gbt_ocp.cli import main as cli
 from gbt_ocp.cli.studies import COMPARED
+from gbt_ocp.experiments.build.loop import build_vehicle
 from gbt_ocp.experiments.config.loading import load_config
+from gbt_ocp.ocp import ShootingProblem
 from gbt_ocp.ocp.codegen.library import find_compiler
+from gbt_ocp.ocp.shot import Shots
 from gbt_ocp.ocp.solvers.base import Solution
 from gbt_ocp.studies.limits import compare as comparing
 from gbt_ocp.studies.limits import sensitivity, treatments
 from gbt_ocp.studies.limits import tasks as plan
 from gbt_ocp.studies.limits.comparison_figures import COLOURS
 from gbt_ocp.studies.limits.formulations import COMPARED_SOLVERS, COMPILED, FORMULATIONS, IPOPT, Formulation, _planner
+from gbt_ocp.studies.limits.integrated import resolving_steps
 from gbt_ocp.studies.limits.parts import CarryOut
 from gbt_ocp.studies.limits.problems import Problems, draw, record
 from gbt_ocp.studies.limits.soft import SoftIpoptSolver
 from gbt_ocp.studies.limits.solves import solve_chunk
+from gbt_ocp.studies.limits.summaries import contrasts
 from gbt_ocp.studies.limits.treatments import Pair, make_planner, treated
+from gbt_ocp.studies.limits.verdict import integrated_against_flat
 
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
@@ -379,8 +386,57 @@ def test_the_command_line_names_all_treatments():
 def test_soft_limits_and_shooting_answer_the_same_questions(tmp_path):
     configuration = load_config("case2", SHORT)
     problems = draw(configuration, 2)
-    for pair in (Pair("soft", IPOPT), Pair("shooting", IPOPT), Pair("continuation", IPOPT)):
+    for pair in (Pair("soft", IPOPT), Pair("shooting", COMPILED), Pair("continuation", IPOPT)):
         found = solve_chunk(configuration, problems, range(2), pair, "cold")
         assert [row["solved"] for row in found] == [1, 1]
         assert max(row["violation_between"] for row in found) < 0.05
     assert SoftIpoptSolver.name == IPOPT
+
+
+def test_steps_of_plans_by_integration_resolve_the_motion():
+    """A piece of so many Runge-Kutta steps ends where an adaptive integration of the numpy model ends."""
+    vehicle = build_vehicle(load_config("sea2d"))
+    assert resolving_steps(vehicle, 0.1) == 1
+    steps = resolving_steps(vehicle, 1.0)
+    assert 1 < steps < 16
+    shots = Shots(ShootingProblem(vehicle, 1, 1.0, "held", steps))
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        z, dz = rng.normal(size=3), rng.normal(size=3) * [1.5, 1.5, 0.4]
+        thrust = 0.4 * rng.uniform(-1.0, 1.0, 3) * vehicle.thrust_max * [1.0, 1.0, 0.1]
+        state = vehicle.state(z, dz)
+        exact = solve_ivp(lambda t, x, held=thrust: vehicle.rates(x, held), (0.0, 1.0), state, rtol=1e-9, atol=1e-9)
+        ends = shots.trajectory(shots.form.dynamics.state(z, dz), thrust[None]).knots[1]
+        np.testing.assert_allclose(ends[0], vehicle.flat(exact.y[:, -1])[0], atol=0.04)
+
+
+def test_the_verdict_holds_integration_against_flat_plans():
+    pairs = [Pair("elastic", COMPILED), Pair("hard", COMPILED), Pair("soft", COMPILED), Pair("shooting", COMPILED)]
+    assert contrasts(pairs)[-1] == (Pair("shooting", COMPILED), Pair("soft", COMPILED))
+    row = {"pair": "shooting, compiled", "against": "soft, compiled", "times_faster": 0.5, "solved_more": -0.01}
+    row |= {"better": 6, "equal": 1, "worse": 3, "both_solved": 10, "objective_more": 0.02}
+    (line,) = integrated_against_flat({"paired": [row]}, pairs)
+    assert "0.5 times as fast" in line
+    assert "better in 6, equal in 1 and worse in 3 of the 10" in line
+    assert integrated_against_flat({"paired": []}, pairs) == []
+
+
+def test_plans_by_integration_are_no_configuration_of_a_comparison(tmp_path):
+    with pytest.raises(gbt.ConfigurationError, match=r"torpedo2d: planner.form: found shooting; allowed: flat"):
+        gbt.compare("torpedo2d", out=tmp_path / "out")
+
+
+@pytest.mark.long
+def test_shooting_takes_the_limits_at_sea_with_both_solvers():
+    """Standoff, speed and yaw rate: compiled and IPOPT find the same plans, which keep the limits at the nodes."""
+    overrides = ["planner.pieces=4", "limits.nodes=2", "duration_s=3.0"]
+    configuration = load_config("sea2d", overrides)
+    problems = draw(configuration, 3)
+    rows = {}
+    for solver in (COMPILED, IPOPT):
+        rows[solver] = solve_chunk(configuration, problems, range(3), Pair("shooting", solver), "cold")
+        assert [row["solved"] for row in rows[solver]] == [1, 1, 1]
+    for mine, other in zip(*rows.values(), strict=True):
+        assert mine["violation_nodes"] < 0.01
+        assert mine["objective"] == pytest.approx(other["objective"], abs=0.02)
+        assert {"violation_thrust", "violation_certain", "violation_believed"} <= set(mine)

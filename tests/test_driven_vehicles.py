@@ -16,7 +16,7 @@ from gbt_ocp.experiments.config.vehicle_faults import LAWS_OF_DRIVEN
 from gbt_ocp.guidance.current import CurrentObserver
 from gbt_ocp.guidance.helm import Helm, SteeringLimits
 from gbt_ocp.guidance.objectives import RangePull
-from gbt_ocp.guidance.steering_limits import LeastSpeed, LeastTurnRadius
+from gbt_ocp.guidance.steering_limits import LeastSpeed, LeastTurnRadius, PitchLimit
 from gbt_ocp.models import KNOWN_DRIVEN
 from gbt_ocp.models.steady_motion import push_for, turning_circle
 from gbt_ocp.models.thrust import ThrustRange
@@ -187,6 +187,9 @@ def test_limits_of_the_steering():
     turn = 4.0 * nu[3] / math.cos(-0.3)
     values = np.asarray(ca.DM(LeastTurnRadius(3, 4.0).value(point))).ravel()
     np.testing.assert_allclose(values, [1.5 - turn, 1.5 + turn])
+    assert float(PitchLimit(0.6).value(point)) == pytest.approx(-0.5)
+    with pytest.raises(ValueError, match=r"angle: found 1\.6"):
+        PitchLimit(1.6)
 
 
 def test_limits_on_rates_need_a_plan_by_integration():
@@ -245,6 +248,11 @@ def test_the_name_of_a_vehicle_brings_its_limits_along():
     assert configuration.planner.form == "shooting"
     assert configuration.planner.steps >= 5
     assert {"range", "speed", "input_rate", "speed_min", "turn_radius"} <= set(configuration.limits.hard)
+    # legs of one and a half times half a turn at 1.4 times the least radius
+    assert configuration.desired_bearing.reverse_s == round(1.5 * math.pi * 1.4 * 4.0 / 1.96)
+    assert configuration.desired_bearing.target_speed == 0.0
+    assert load_config("sea2d", overrides=["vehicle.model=vessel"]).desired_bearing.reverse_s == 12.0
+    assert "pitch" in load_config("torpedo3d").limits.hard
     assert load_config("sea2d", overrides=["vehicle.model=falcon"]).vehicle.parameters == "falcon"
     assert load_config(configuration.to_mapping()) == configuration
 

@@ -86,10 +86,10 @@ def test_a_limit_is_added_from_outside_in_one_place(tmp_path):
     assert [line.split(": ", 1)[1] for line in found["faults"]] == [
         'limits.north_m: found "far"; allowed: null, or a number',
         'limits.hard: found ["south"]; allowed: a list of range, keep_out, separation, depth, speed, speed_min, '
-        "turn_radius, input_rate, yaw_rate, bow_angle, north",
+        "turn_radius, pitch, input_rate, yaw_rate, bow_angle, north",
     ]
     assert found["described"] == "Largest y in m. Allowed: null, or a number."
     assert found["order"] == [
-        "range", "keep_out", "separation_m", "depth", "speed", "speed_min", "turn_radius_m", "input_rate",
-        "yaw_rate_deg", "bow_angle_deg", "north_m", "hard", "weight", "width", "nodes",
+        "range", "keep_out", "separation_m", "depth", "speed", "speed_min", "turn_radius_m", "pitch_deg",
+        "input_rate", "yaw_rate_deg", "bow_angle_deg", "north_m", "hard", "weight", "width", "nodes",
     ]  # fmt: skip

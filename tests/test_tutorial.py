@@ -30,7 +30,7 @@ def result_of(name, tmp_path):
 
 
 def test_there_is_a_file_for_each_thing_to_change():
-    assert FILES == ["new_constraint", "new_objective", "new_target", "new_vehicle"]
+    assert FILES == ["new_constraint", "new_driven_vehicle", "new_objective", "new_target", "new_vehicle"]
     page = (FOLDER / "index.md").read_text(encoding="utf-8")
     for name in FILES:
         assert f'--8<-- "{name}.py"' in page

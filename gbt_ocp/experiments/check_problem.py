@@ -115,7 +115,7 @@ def _of_vehicle(vehicle: Vehicle | DrivenBody) -> list[Remark]:
     if isinstance(vehicle, DrivenBody):
         limits, names = ThrustRange.of(vehicle), ", ".join(vehicle.input_names[vehicle.position_dimension])
         text = f"not flat, inputs {names} from {_numbers(limits.lower)} to {_numbers(limits.upper)}"
-        return [Remark("vehicle", f"{type(vehicle).__name__}: {text}")]
+        return [Remark("vehicle", f"{vehicle.name}: {text}")]
     n, gap = vehicle.flat_dimension, dynamics_gap(vehicle)
     size = f"{n} flat outputs, {n} inputs up to {_numbers(vehicle.thrust_max)}"
     difference = f"forward and inverse dynamics differ by {gap:.2g} of a typical acceleration"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -13,9 +13,11 @@ from gbt_ocp.experiments.build.pilot import build_pilot
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.pilot_in_c import with_compiled_tracker
 from gbt_ocp.files import packaged_text
+from gbt_ocp.guidance.startup import planner_of
+from gbt_ocp.models.driven import DrivenBody
 from gbt_ocp.models.measurements import Measurement
 from gbt_ocp.ocp.codegen.expressions import c_array
-from gbt_ocp.ocp.plan import Plan
+from gbt_ocp.ocp.planner import AnyPlanner
 from gbt_ocp.pilot.compiled_ekf import KINDS_IN_C
 from gbt_ocp.pilot.own_track import Received
 from gbt_ocp.pilot.pilot_health import NOTES
@@ -91,7 +93,7 @@ class RecordedPilot:
             if step >= commands and 2 * planned >= commands:
                 break
             time = step * period
-            self._navigated(time, loop.vehicle.pose(state), loop.vehicle.velocity(state))
+            self._navigated(time, *_own(loop.vehicle, state))
             for measurement in self._seen(loop, step, time, loop.vehicle.pose(state)):
                 self._measured(measurement)
             state = mover.hold(state, self._commanded(time)).state
@@ -159,9 +161,11 @@ class RecordedPilot:
         steady = moved <= STEADY and all(one.health.notes == command.health.notes for one in others)
         decided = command.decided
         plan = None if decided is None or decided.time < time else decided.plan
-        made = isinstance(plan, Plan) and plan.elapsed == 0.0
-        if isinstance(plan, Plan) and made:
-            self._plans.append(plan.trajectory.top.ravel())
+        made = plan is not None and plan.elapsed == 0.0
+        if made:
+            planner = planner_of(self._pilots[0].parts.guidance)
+            assert isinstance(planner, AnyPlanner), "configurations name no other"
+            self._plans.append(planner.previous.top.ravel())
         notes = sum(2**bit for bit, note in enumerate(NOTES) if note in command.health.notes)
         within = max(LEAST_ALLOWED, ALLOWED * moved) if steady else 0.0
         self._add("COMMANDED", time, thrust, within, answer=notes, plan=len(self._plans) if made else 0)
@@ -175,6 +179,13 @@ class RecordedPilot:
         )
         written = ", ".join(repr(number) for number in numbers.tolist())
         self._calls.append(f"    {{{call}, {places}, {time!r}, {within!r}, {{{written}}}}}")
+
+
+def _own(vehicle: Any, state: Array) -> tuple[Array, Array]:
+    """Pose and velocity as a pilot is given them: those of a vehicle with a pitch have it too."""
+    if isinstance(vehicle, DrivenBody) and vehicle.flat_dimension > vehicle.position_dimension + 1:
+        return state[: vehicle.flat_dimension], state[vehicle.flat_dimension :]
+    return vehicle.pose(state), vehicle.velocity(state)
 
 
 _VECTORS = """/* Generated: a closed loop of the pilot in Python, call by call. */

@@ -123,7 +123,7 @@ class CurrentObserver:
         through = ca.vertcat(dz[:d] - water, dz[d:])
         if isinstance(vehicle, DrivenBody):
             # no inverse dynamics: the accelerations are compared, and not the inputs
-            state = ca.SX.sym("state", 2 * n)
+            state = ca.SX.sym("state", vehicle.states)
             accelerated = Dynamics(vehicle).point(state, thrust)[2]
             found = ca.substitute(accelerated, state, vehicle.symbolic_state(z, through))
             innovation, mass = ddz - found, ca.SX.eye(n)

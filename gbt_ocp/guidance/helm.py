@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -79,6 +80,17 @@ class Helm:
         self._tightest, self._radius = circle, max(TURN_MARGIN * limits.radius, circle)
         self._speeds = np.linspace(0.0, FASTEST_KNOWN, SPEEDS)
         self._pushes = np.array([push_for(vehicle, speed) for speed in self._speeds])
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """What it works with, by the names that the generated C has for them."""
+        return {
+            "helm_push": self._pushes,
+            "helm_fastest": FASTEST_KNOWN,
+            "helm_slowest": self._slowest,
+            "helm_radius": self._radius,
+            "helm_tightest": self._tightest,
+        }
 
     def reach_velocity(self, flat: Array, velocity: Array) -> Array:
         """Inputs ``(m,)`` that steer towards a velocity ``(d,)`` in m/s, at a pose and its rate ``(2, n)``."""

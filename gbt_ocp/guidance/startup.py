@@ -150,7 +150,7 @@ class CrossFirst:
             raise ValueError(f"guidance.startup_opening: found {opening}; allowed: a number < startup_speed = {speed}")
         self.planned = planned
         self.speed = float(speed)
-        self._dynamics = helm_of(vehicle, period, limits)
+        self.helm = helm_of(vehicle, period, limits)
         unit = vector("axis", axis, 3)
         unit /= positive("length of axis", float(np.linalg.norm(unit)))
         self._crossing = Crossing(unit, deviation, float(np.sqrt(speed**2 - opening**2)), opening, leg)
@@ -179,7 +179,7 @@ class CrossFirst:
                 self.planned.restart()
             return self.planned.decide(time, flat, forecast)
         self.planned.remember(time, flat, forecast)
-        thrust = self._dynamics.reach_velocity(flat, velocity)
+        thrust = self.helm.reach_velocity(flat, velocity)
         planner = planner_of(self.planned)
         if isinstance(planner, AnyPlanner):
             planner.act(thrust)

@@ -1,4 +1,4 @@
-"""Limits of vehicles that are steered by fins: a least speed ahead, and a least radius of their turns."""
+"""Limits of vehicles that are steered by fins: least speed ahead, least radius of their turns, and pitch."""
 
 from __future__ import annotations
 
@@ -95,3 +95,36 @@ class LeastTurnRadius:
         """``u - radius ψ̇`` and ``u + radius ψ̇``, over the speed."""
         speed, turn = ahead(point, self.dimension), self.radius * point.dz[self.dimension]
         return ca.vertcat(speed - turn, speed + turn) / self.speed
+
+
+@dataclass(frozen=True)
+class PitchLimit:
+    """``|θ| <= angle``, where the pitch θ follows position and yaw: upright, a yaw has no meaning.
+
+    Parameters
+    ----------
+    angle
+        In rad, below a right angle.
+
+    Raises
+    ------
+    ValueError
+        If the angle is not above 0 and below π/2.
+    """
+
+    name: ClassVar[str] = "pitch"
+
+    angle: float
+
+    lower: ClassVar[Array] = np.full(1, -1.0)
+    upper: ClassVar[Array] = np.ones(1)
+    backoff: ClassVar[Array] = np.zeros(1)
+    scale: ClassVar[Array] = np.ones(1)
+
+    def __post_init__(self) -> None:
+        if not positive("angle", self.angle) < np.pi / 2.0:
+            raise ValueError(f"angle: found {self.angle}; allowed: a number in (0, π/2)")
+
+    def value(self, point: FlatPoint) -> Any:
+        """The pitch over its limit."""
+        return point.z[4] / self.angle

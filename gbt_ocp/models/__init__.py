@@ -24,6 +24,7 @@ from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import MotionTarget, Target, TrackTarget, case_target
 from gbt_ocp.models.torpedo import LAUV, Torpedo, TorpedoParameters
 from gbt_ocp.models.turning import TurningTarget
+from gbt_ocp.models.vehicle_by_rates import VehicleByRates
 from gbt_ocp.models.vehicles import PlanarPointMass, Unicycle, Vehicle, acceleration
 from gbt_ocp.models.vessel import OTTER, TwinThrusterVessel, VesselParameters
 
@@ -56,6 +57,7 @@ __all__ = [
     "TwinThrusterVessel",
     "Unicycle",
     "Vehicle",
+    "VehicleByRates",
     "VesselParameters",
     "acceleration",
     "case_target",

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.contracts import ContractError
 from gbt_ocp.models.sizes import vector
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.typing import Array
@@ -33,6 +34,11 @@ class DrivenBody:
         Limits of the inputs ``(m,)`` in the units of :attr:`input_units`: above 0, and not above it; a ``thrust_min``
         of 0 is an input that has one sense.
 
+    Attributes
+    ----------
+    states
+        Numbers of the state.
+
     Raises
     ------
     ValueError
@@ -43,13 +49,17 @@ class DrivenBody:
     """What the inputs are called, by the dimension."""
     input_units: ClassVar[dict[int, tuple[str, ...]]]
     """Their units."""
+    idle: Array
+    """Inputs ``(m,)`` with which it goes on as it does, as near as that is known."""
 
     def __init__(self, dimension: int, thrust_max: ArrayLike, thrust_min: ArrayLike) -> None:
         if dimension not in (2, 3):
             raise ValueError(f"dimension: found {dimension}; allowed: 2, 3")
         self.position_dimension = dimension
         self.flat_dimension = 3 if dimension == 2 else 5
+        self.states = 2 * self.flat_dimension
         size = len(self.input_names[dimension])
+        self.idle = np.zeros(size)
         self.thrust_max = vector("thrust_max", thrust_max, size, above_zero=True)
         self.thrust_min = vector("thrust_min", thrust_min, size)
         if np.any(self.thrust_min > 0.0):
@@ -61,6 +71,16 @@ class DrivenBody:
         self._turn = ca.Function("turned", [state[: self.flat_dimension]], [turned])
         self._along = ca.Function("along", [state], [self.input_velocities(state)])
 
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        return type(self).__name__
+
+    @property
+    def gives_power(self) -> bool:
+        """Whether the velocities along which its inputs push are known."""
+        return True
+
     def body_rates(self, eta: Any, nu: Any, inputs: Any) -> Any:
         """ν̇ ``(n,)``, a CasADi expression."""
         raise NotImplementedError
@@ -69,8 +89,21 @@ class DrivenBody:
         """The velocities along which the inputs push ``(m,)``: their products are the power in W; 0 for a fin."""
         raise NotImplementedError
 
+    def steered(self, push: Any, turn: Any) -> Any:
+        """Inputs ``(m,)`` of a share of the push ahead and one of the turn to port, a CasADi expression of the two.
+
+        Raises
+        ------
+        gbt_ocp.models.contracts.ContractError
+            If the vehicle does not say how it is steered.
+        """
+        raise ContractError(
+            f"{self.name}.steering: found nothing of this name; allowed: inputs (m,) of shares of push and turn, which "
+            "guidance.startup_deviation > 0, desired_bearing.period_s: auto and desired_bearing.speed_mps: sensor need"
+        )
+
     def steering(self, push: float, turn: float) -> Array:
-        """Inputs ``(m,)``, within their limits, of a share of the push ahead and a share of the turn to port.
+        """The same in numbers, within their limits.
 
         Parameters
         ----------
@@ -79,11 +112,11 @@ class DrivenBody:
         turn
             In [-1, 1].
         """
-        raise NotImplementedError
+        return self.clipped(np.asarray(ca.DM(self.steered(push, turn))).ravel())
 
     def last_resort(self, state: Any) -> Any:
-        """What is done where nothing can be planned: inputs ``(m,)`` at a state, a CasADi expression."""
-        raise NotImplementedError
+        """What is done where nothing can be planned: inputs ``(m,)`` at a state, a CasADi expression; here none."""
+        return ca.SX.zeros(len(self.thrust_max))
 
     def rates(self, state: Any, thrust: Any) -> Any:
         """Time derivative of the state ``(2n,)`` under the inputs ``(m,)``; CasADi expressions give one."""

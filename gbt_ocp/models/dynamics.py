@@ -69,8 +69,10 @@ class Dynamics:
         z, dz = state[:n], rates[:n]
         return z, dz, ca.jtimes(dz, state, rates)
 
-    def state(self, z: ArrayLike, dz: ArrayLike) -> Array:
-        """The state ``(states,)`` at a flat output and its rate."""
+    def state(self, z: ArrayLike, dz: ArrayLike, expected: Array | None = None) -> Array:
+        """The state ``(states,)`` at a flat output and its rate; near the expected one, if the vehicle takes that."""
+        if expected is not None and hasattr(self.vehicle, "state_near"):
+            return np.asarray(self.vehicle.state_near(z, dz, expected[: self.states]), dtype=float)
         if self._is_driven:
             return np.asarray(self.vehicle.state(z, dz), dtype=float)
         return np.concatenate([np.asarray(z, dtype=float), np.asarray(dz, dtype=float)])

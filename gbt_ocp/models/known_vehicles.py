@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -94,6 +95,8 @@ class KnownDriven:
         Least speed ahead in m/s at which it is to be steered; 0 where it may stop.
     turn_radius
         Least radius of its turns in m; 0 where it turns on the spot.
+    pitch
+        Largest pitch in rad; 0 for a vehicle without.
     speed
         Largest speed ahead in m/s.
     cruise
@@ -110,6 +113,7 @@ class KnownDriven:
     rate_max: tuple[float, ...]
     speed_min: float
     turn_radius: float
+    pitch: float
     speed: float
     cruise: float
     quickest: float
@@ -132,6 +136,7 @@ def _torpedo(dimension: int) -> KnownDriven:
         rate_max=(0.5 * LAUV_THRUST, *(LAUV_FIN,) * fins),
         speed_min=0.8,
         turn_radius=4.0,
+        pitch=math.radians(40.0) if dimension == 3 else 0.0,  # assumed
         speed=1.96,
         cruise=1.2,
         quickest=10.3,
@@ -149,6 +154,7 @@ KNOWN_DRIVEN = {
         rate_max=(OTTER_THRUST[0],) * 2,  # assumed: full thrust in 1 s
         speed_min=0.0,
         turn_radius=0.0,
+        pitch=0.0,
         speed=3.08,
         cruise=0.0,
         quickest=7.5,

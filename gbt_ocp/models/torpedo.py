@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from gbt_ocp.models.driven import DrivenBody, smooth_square
 from gbt_ocp.models.fossen import DRAG_SMOOTHING
 from gbt_ocp.models.sizes import positive
-from gbt_ocp.typing import Array
 
 LOITER_PUSH, LOITER_TURN = 0.6, 0.5
 """Shares of thrust and rudder with which a torpedo circles where nothing can be planned."""
@@ -148,9 +147,10 @@ class Torpedo(DrivenBody):
         """The surge for the thrust; a fin takes no power."""
         return ca.vertcat(state[self.flat_dimension], *(0.0 for _ in self.thrust_max[1:]))
 
-    def steering(self, push: float, turn: float) -> Array:
+    def steered(self, push: Any, turn: Any) -> Any:
         """Thrust and rudder; the elevator is level."""
-        return self.clipped([push * self.thrust_max[0], turn * self.thrust_max[1], *(0.0 for _ in self.thrust_max[2:])])
+        level = (0.0 for _ in self.thrust_max[2:])
+        return ca.vertcat(push * float(self.thrust_max[0]), turn * float(self.thrust_max[1]), *level)
 
     def last_resort(self, state: Any) -> Any:
         """Circle on, in the sense in which the vehicle turns already; a torpedo that stops cannot be steered."""

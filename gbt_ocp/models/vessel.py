@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from gbt_ocp.models.driven import DrivenBody, smooth_square
 from gbt_ocp.models.fossen import DRAG_SMOOTHING
 from gbt_ocp.models.sizes import positive
-from gbt_ocp.typing import Array
 
 STRIPS = 8
 """Points of the quadrature (Gauss-Legendre) over the length of the hull that sums the cross-flow drag."""
@@ -137,12 +136,8 @@ class TwinThrusterVessel(DrivenBody):
         u, r = state[3], state[5]
         return ca.vertcat(u - self.parameters.lever * r, u + self.parameters.lever * r)
 
-    def steering(self, push: float, turn: float) -> Array:
+    def steered(self, push: Any, turn: Any) -> Any:
         """Both thrusters, with the difference for the turn first."""
         half = turn * float(np.min(np.minimum(self.thrust_max, -self.thrust_min)))
-        ahead = min(push * float(np.mean(self.thrust_max)), float(np.min(self.thrust_max)) - abs(half))
-        return self.clipped([ahead - half, ahead + half])
-
-    def last_resort(self, state: Any) -> Any:
-        """Thrust zero: a vessel may stop."""
-        return ca.SX.zeros(2)
+        ahead = ca.fmin(push * float(np.mean(self.thrust_max)), float(np.min(self.thrust_max)) - ca.fabs(half))
+        return ca.vertcat(ahead - half, ahead + half)

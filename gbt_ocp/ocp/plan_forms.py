@@ -54,7 +54,7 @@ class FlatPlans:
         self._brake = BrakingPlanner(problem)
         self._objectives = [objective_total(problem, term) for term in problem.objectives]
 
-    def start(self, state: ArrayLike, acting: Array | None = None) -> Array:
+    def start(self, state: ArrayLike, acting: Array | None = None, expected: Array | None = None) -> Array:
         """Derivatives of the flat output now, as many as are continuous ``(k+1, n)``.
 
         Where changes of the thrust count and it jumps, the acceleration that acts now follows them, by default none.
@@ -123,17 +123,18 @@ class ShotPlans:
         self._resort = ca.Function("resort", [form.point], [form.resort])
         self._range = ThrustRange.of(problem.vehicle)
 
-    def start(self, state: ArrayLike, acting: Array | None = None) -> Array:
+    def start(self, state: ArrayLike, acting: Array | None = None, expected: Array | None = None) -> Array:
         """The state of the vehicle, from itself or from z and ż ``(2, n)``.
 
-        Where the rates of the inputs are limited, those that act now follow it, ``acting`` ``(m,)``, by default none;
-        or they follow the state already.
+        What these do not tell is as near to the ``expected`` state ``(states,)`` as they allow, where the vehicle can
+        say that. Where the rates of the inputs are limited, those that act now follow it, ``acting`` ``(m,)``, by
+        default none; or they follow the state already.
         """
         form, dynamics = self._shots.form, self._shots.form.dynamics
         shapes = dict.fromkeys([(dynamics.states,), (2, self._problem.vehicle.flat_dimension), (form.states,)])
         found = _checked(state, [*shapes])
         if found.ndim == 2:
-            found = dynamics.state(found[0], found[1])
+            found = dynamics.state(found[0], found[1], expected)
         if len(found) < form.states:
             found = np.concatenate([found, np.zeros(dynamics.inputs) if acting is None else acting])
         return found

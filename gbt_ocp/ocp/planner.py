@@ -87,6 +87,10 @@ class AnyPlanner:
         found: Array = self._form.acting(self._previous.top[0])
         return found
 
+    def _expected(self) -> Array | None:
+        """Where the last plan has led a vehicle that is not flat, if its first piece was followed."""
+        return self._previous.states[1] if isinstance(self._previous, ShotTrajectory) else None
+
     @property
     def previous(self) -> Any:
         """The trajectory of the last step, from which the next solve starts; may be set to repeat a recorded step."""
@@ -98,7 +102,7 @@ class AnyPlanner:
 
     def start(self, state: ArrayLike) -> Array:
         """What a solver takes as the start, of a state as in :meth:`solve`; ``ValueError`` if it does not fit."""
-        return np.asarray(self._form.start(state, self._inputs_now()))
+        return np.asarray(self._form.start(state, self._inputs_now(), self._expected()))
 
     def objective(self, trajectory: FlatTrajectory | ShotTrajectory, parameters: list[Array]) -> float:
         """The objective of any trajectory, without penalty."""

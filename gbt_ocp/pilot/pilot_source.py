@@ -18,7 +18,8 @@ from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sensors import SimulatedSensor
 from gbt_ocp.ocp.codegen.expressions import c_function, c_source
 from gbt_ocp.ocp.codegen.problem_source import from_moments
-from gbt_ocp.ocp.problem_data import ProblemData
+from gbt_ocp.ocp.problem_data import ProblemData, ShootingData
+from gbt_ocp.pilot.driven_source import DRIVEN_SETTINGS, DRIVEN_SIZES, driven_in_c
 from gbt_ocp.pilot.pilot_parts import PilotParts
 from gbt_ocp.pilot.tracker_source import SIZES, c_number, initialiser, pilot_texts, tracker_in_c
 from gbt_ocp.tracking.polar import BEARINGS
@@ -54,6 +55,15 @@ def pilot_files(parts: PilotParts) -> dict[str, str]:
     others = sum(one.kind != bearing for one in parts.sensors.values())
     tracker = tracker_in_c(parts.tracker, lambda width: SPARE + _measured_in(parts, width), others)
     current = parts.guidance.current if isinstance(parts.guidance, InWater) else None
+    texts, settings = pilot_texts(), dict(_SETTINGS)
+    problem = _planned(parts).planner.problem
+    if isinstance(problem, ShootingData):
+        driven = driven_in_c(parts, problem)
+        numbers, sizes, settings = numbers | driven.numbers, sizes | driven.sizes, settings | DRIVEN_SETTINGS
+        texts["gbt_driven.c"] = driven.source
+    texts = {
+        name: text for name, text in texts.items() if not name.startswith(_OTHER[isinstance(problem, ShootingData)])
+    }
     sizes |= tracker.sizes | _memory(parts) | {"CURRENT": _kind_of(current)}
     numbers |= _current(current, parts.vehicle.position_dimension)
     numbers |= {
@@ -65,38 +75,46 @@ def pilot_files(parts: PilotParts) -> dict[str, str]:
         "bearing_std": parts.bearing_std,
         "follow_bandwidth": parts.follow_bandwidth,
     }
-    defined = (f"#define GBT_{name} {value} /* {(_SIZES | SIZES)[name]} */" for name, value in sizes.items())
-    fields = (f"    {_kind(name)} {name}{_length(numbers[name])}; /* {says} */" for name, says in _SETTINGS.items())
+    defined = (
+        f"#define GBT_{name} {value} /* {(_SIZES | SIZES | DRIVEN_SIZES)[name]} */" for name, value in sizes.items()
+    )
+    fields = (f"    {_kind(name)} {name}{_length(numbers[name])}; /* {says} */" for name, says in settings.items())
     header = _HEADER.format(sizes="\n".join(defined), fields="\n".join(fields))
     sensors = [_sensor(number, one) for number, one in enumerate(parts.sensors.values())]
     source = _SOURCE.format(
-        numbers=initialiser({name: numbers[name] for name in _SETTINGS}, _DOUBLES),
+        numbers=initialiser({name: numbers[name] for name in settings}, _DOUBLES),
         kind=tracker.name,
         tracker=initialiser(tracker.settings, tracker.doubles),
         sensors=", ".join(sensors or ["{{0, GBT_EARTH, 0, {0}, 0}, 0, 0, 0}"]),
         names=", ".join(json.dumps(name) for name in parts.sensors) or '""',
         model=_model(current, parts.vehicle) if isinstance(current, CurrentObserver) else "",
     )
-    return tracker.chosen(pilot_texts()) | {"gbt_pilot_settings.h": header, "gbt_pilot_settings.c": source}
+    return tracker.chosen(texts) | {"gbt_pilot_settings.h": header, "gbt_pilot_settings.c": source}
+
+
+def _planned(parts: PilotParts) -> PlannedMotion:
+    """What plans, sooner or later."""
+    guidance = parts.guidance.inner if isinstance(parts.guidance, InWater) else parts.guidance
+    planned = guidance.planned if isinstance(guidance, CrossFirst) else guidance
+    if not isinstance(planned, PlannedMotion):
+        found = type(planned).__name__
+        raise ValueError(f"guidance: found {found}; allowed in C: a planner")
+    return planned
 
 
 def _guidance(parts: PilotParts) -> tuple[dict[str, Any], dict[str, int]]:
     """Numbers and sizes of the guidance."""
     guidance = parts.guidance.inner if isinstance(parts.guidance, InWater) else parts.guidance
-    crossing = guidance if isinstance(guidance, CrossFirst) else None
-    planned = guidance if crossing is None else crossing.planned
-    if not isinstance(planned, PlannedMotion):
-        found = type(planned).__name__
-        raise ValueError(f"guidance: found {found}; allowed in C: a planner")
+    crossing, planned = (guidance if isinstance(guidance, CrossFirst) else None), _planned(parts)
     planner = planned.planner
-    if not isinstance(planner.problem, ProblemData):
-        raise ValueError("planner.form: found shooting; allowed in C: flat")
     if not from_moments(planner.problem):
         raise ValueError(
             "planner: found an objective or a limit with data of its own; allowed in C: those that the mean and the "
             "covariance of a forecast are enough for"
         )
-    if parts.vehicle.flat_dimension != parts.vehicle.position_dimension + 1:
+    if parts.vehicle.flat_dimension != parts.vehicle.position_dimension + 1 and isinstance(
+        planner.problem, ProblemData
+    ):
         found = f"{parts.vehicle.flat_dimension} flat outputs"
         raise ValueError(f"vehicle: found {found}; allowed in C: position and yaw")
     steps, stride, begin_at_sight = planned.schedule
@@ -184,6 +202,9 @@ def _kind(name: str) -> str:
 def _length(value: Any) -> str:
     return f"[{len(value)}]" if isinstance(value, np.ndarray) else ""
 
+
+_OTHER = {False: ("gbt_regulator", "gbt_helm"), True: ("gbt_trajectory",)}
+"""Beginnings of the names of the files that a pilot does without, by whether it plans by integration."""
 
 _SIZES = {
     "AHEAD": "positions predicted ahead",

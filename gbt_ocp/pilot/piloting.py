@@ -16,6 +16,7 @@ from gbt_ocp.guidance.strategy import Placement
 from gbt_ocp.models.driven import DrivenBody
 from gbt_ocp.models.measurements import Measurement, Sighting
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
+from gbt_ocp.ocp.problem_data import ShootingData
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.pilot.late_measurements import OrderedIntake
 from gbt_ocp.pilot.online_loop import Decided, OnlineLoop
@@ -51,12 +52,15 @@ class Piloting:
         self._lead = parts.period if parts.lead is None else parts.lead
         vehicle: Any = parts.vehicle
         self._follower = None if isinstance(vehicle, DrivenBody) else PlanFollower(vehicle, parts.follow_bandwidth)
-        self._shot_follower: ShotFollower | None = None
         planner = planner_of(parts.guidance)
+        # from the beginning: what it remembers is part of what a pilot does
+        self._shot_follower: ShotFollower | None = None
+        if planner is not None and isinstance(planner.problem, ShootingData):
+            self._shot_follower = ShotFollower(vehicle, parts.follow_bandwidth, parts.input_rate)
         self._joined = 2 if planner is None else planner.problem.joined
         self._dimension = vehicle.position_dimension
         self._flat_size: int = vehicle.flat_dimension
-        self._size = vehicle.flat_dimension if isinstance(vehicle, DrivenBody) else self._dimension + 1
+        self._size = max(vehicle.flat_dimension if isinstance(vehicle, DrivenBody) else 0, self._dimension + 1)
         self._own = OwnTrack(parts.late, parts.navigation_gap, self._dimension)
         self._watch = TrackWatch(parts.bearing_std)
         self._intake: OrderedIntake | None = None
@@ -263,9 +267,7 @@ class Piloting:
         if isinstance(decision, Placement):
             return None
         if isinstance(decision, ShootingPlan):
-            if self._shot_follower is None:
-                parts = self.parts
-                self._shot_follower = ShotFollower(parts.vehicle, parts.follow_bandwidth, parts.input_rate)
+            assert self._shot_follower is not None, "plans of this kind are of problems by integration"
             return self._shot_follower.thrust(decision, self.parts.period, decision.elapsed + since, z, dz)
         if not isinstance(decision, Plan):
             return decision
@@ -305,6 +307,4 @@ class Piloting:
 def _said_by(plan: Plan | ShootingPlan) -> dict[str, Any]:
     """What a plan says in the health, by the name of the attribute."""
     said: dict[str, Any] = {"planner": plan.status, "fallback": plan.fallback}
-    if isinstance(plan, Plan):
-        said |= {"given_up": plan.given_up, "broken_at_start": plan.broken_at_start}
-    return said
+    return said | {"given_up": plan.given_up, "broken_at_start": plan.broken_at_start}

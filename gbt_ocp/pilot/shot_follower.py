@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -61,11 +62,9 @@ class ShotFollower:
         self._rate = None if rate is None else np.array(rate, dtype=float)
         self._share = (not_negative("bandwidth", bandwidth) / BANDWIDTH) ** 2
         n, d = vehicle.flat_dimension, vehicle.position_dimension
-        size, m = self._dynamics.states, self._dynamics.inputs
-        state, inputs, duration = ca.SX.sym("state", size), ca.SX.sym("inputs", m), ca.SX.sym("duration")
-        after = integrated(self._dynamics, state, (inputs, inputs), duration, GRID_STEPS)
-        self._step = ca.Function("step", [state, inputs, duration], [after])
-        slopes = [after, ca.jacobian(after, state), ca.jacobian(after, inputs)]
+        size = self._dynamics.states
+        duration = ca.SX.sym("duration")
+        (state, inputs), slopes = self._derived(duration)
         self._slopes = ca.Function("slopes", [state, inputs, duration], slopes)
         self._angles = slice(d, n)
         weights = np.full(size, RATE_WEIGHT)
@@ -74,7 +73,7 @@ class ShotFollower:
             np.diag(weights**2),
             np.diag(1.0 / np.asarray(vehicle.thrust_max, dtype=float) ** 2),
         )
-        self._of: Array | None = None
+        self._of: tuple[Array, Array] | None = None
         self._spacing = GRID_S
         self._states = self._inputs = self._gains = np.zeros(0)
         self._last: tuple[float, Array] | None = None
@@ -93,8 +92,7 @@ class ShotFollower:
         z, dz
             The measured first numbers of the state and their rates over ground ``(n,)``.
         """
-        if self._of is not plan.thrust:
-            self._begin(plan, plan.period or period)
+        self._take(plan, period)
         water = np.zeros(0) if plan.current is None else plan.current
         z, dz = np.array(z, dtype=float), np.array(dz, dtype=float)
         z[: len(water)] -= now * water
@@ -111,10 +109,35 @@ class ShotFollower:
 
     def planned(self, plan: ShootingPlan, period: float, now: float) -> Array:
         """Position ``(d,)`` over ground so many seconds after the plan began."""
-        if self._of is not plan.thrust:
-            self._begin(plan, plan.period or period)
+        self._take(plan, period)
         place = self._at(now)[0][: self._angles.start].copy()
         return place if plan.current is None else place + now * plan.current
+
+    @property
+    def weights(self) -> Array:
+        """Of the square of a deviation of each number of the state ``(states,)``."""
+        return np.asarray(self._share * np.diag(self._weights))
+
+    def grid(self, period: float, pieces: int) -> tuple[int, int]:
+        """Parts of a piece between which a plan is known, and how many of the pieces of a period in s are looked at."""
+        return max(1, int(np.ceil(period / GRID_S - 1e-9))), min(pieces, max(1, int(np.ceil(REACH_S / period))))
+
+    def rows(self, duration: float) -> tuple[list[ca.SX], ca.SX]:
+        """State and inputs, and of a hold of so many seconds the state after it and the rows of its derivatives."""
+        symbols, (after, by_state, by_inputs) = self._derived(duration)
+        return symbols, ca.vertcat(after, ca.vec(by_state.T), ca.vec(by_inputs.T))
+
+    def _derived(self, duration: Any) -> tuple[list[ca.SX], list[ca.SX]]:
+        """State and inputs, and the state after a hold with its derivatives for both."""
+        state, inputs = ca.SX.sym("state", self._dynamics.states), ca.SX.sym("inputs", self._dynamics.inputs)
+        after = integrated(self._dynamics, state, (inputs, inputs), duration, GRID_STEPS)
+        return [state, inputs], [after, ca.jacobian(after, state), ca.jacobian(after, inputs)]
+
+    def _take(self, plan: ShootingPlan, period: float) -> None:
+        """Lay a plan out, unless it is the last one, or a copy of it."""
+        last = self._of
+        if last is None or not (np.array_equal(last[0], plan.thrust) and np.array_equal(last[1], plan.knots[0])):
+            self._begin(plan, plan.period or period)
 
     def _at(self, now: float) -> tuple[Array, Array, Array]:
         """State, inputs and gain of the plan after so many seconds."""
@@ -126,9 +149,8 @@ class ShotFollower:
 
     def _begin(self, plan: ShootingPlan, period: float) -> None:
         """Lay a plan out on the grid, and compute the gains along it."""
-        parts = max(1, int(np.ceil(period / GRID_S - 1e-9)))
+        parts, pieces = self.grid(period, len(plan.thrust))
         self._spacing = period / parts
-        pieces = min(len(plan.thrust), max(1, int(np.ceil(REACH_S / period))))
         shares = (np.arange(parts) + 0.5) / parts
         ends = plan.thrust if plan.thrust_end is None else plan.thrust_end
         inputs = np.concatenate(
@@ -153,4 +175,5 @@ class ShotFollower:
         # a plan that begins where the last one is gives inputs that go on from it
         if self._last is not None:
             self._last = (min(0.0, self._last[0] - period), self._last[1])
-        self._of, self._states, self._inputs, self._gains = plan.thrust, np.array(states), inputs, np.array(gains[::-1])
+        self._of = plan.thrust, plan.knots[0]
+        self._states, self._inputs, self._gains = np.array(states), inputs, np.array(gains[::-1])

@@ -121,7 +121,7 @@ class Mover:
         if isinstance(vehicle, DrivenBody):
             if autopilot is not None:
                 raise ValueError("command: found setpoint beside a vehicle that is not flat; allowed: thrust")
-            dynamics, state = Dynamics(vehicle), ca.SX.sym("state", 2 * n)
+            dynamics, state = Dynamics(vehicle), ca.SX.sym("state", vehicle.states)
             self._accelerated = ca.Function("accelerated", [state, held], [dynamics.point(state, held)[2]])
             return
         self._follower = PlanFollower(vehicle, bandwidth)

@@ -97,7 +97,7 @@ class Plant:
 
 def gives_power(vehicle: Vehicle | DrivenBody) -> bool:
     """Whether the power of a vehicle's inputs is known: they are forces along its velocities, or it says itself."""
-    return hasattr(vehicle, "body_velocity") or isinstance(vehicle, DrivenBody)
+    return vehicle.gives_power if isinstance(vehicle, DrivenBody) else hasattr(vehicle, "body_velocity")
 
 
 def power_of(vehicle: Vehicle | DrivenBody, state: Array, inputs: Array) -> float:

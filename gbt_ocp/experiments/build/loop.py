@@ -11,6 +11,7 @@ import numpy as np
 from gbt_ocp.experiments.build.desired import build_desired_bearing
 from gbt_ocp.experiments.build.limits import with_effort, with_limits
 from gbt_ocp.experiments.build.objective import build_hypotheses, build_joint, build_objective, build_past, build_path
+from gbt_ocp.experiments.build.own_vehicle import own_vehicle
 from gbt_ocp.experiments.build.plant import build_plant
 from gbt_ocp.experiments.build.sensors import build_sensor, build_sensors
 from gbt_ocp.experiments.build.trackers import build_tracker
@@ -40,10 +41,9 @@ from gbt_ocp.guidance.startup import CrossFirst
 from gbt_ocp.guidance.strategy import Guidance
 from gbt_ocp.guidance.water import InWater
 from gbt_ocp.models.bearings import DesiredBearing
-from gbt_ocp.models.contracts import ContractError, made, named
+from gbt_ocp.models.contracts import made
 from gbt_ocp.models.fossen import FossenParameters, FossenVehicle
 from gbt_ocp.models.known_vehicles import KNOWN_DRIVEN, KNOWN_VEHICLES
-from gbt_ocp.models.model_checks import check_vehicle
 from gbt_ocp.models.targets import Target
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp import AnyPlanner, ShootingProblem, ThrustLimit, TrajectoryProblem
@@ -66,14 +66,7 @@ def build_vehicle(configuration: Configuration) -> Any:
     if isinstance(section, DrivenVehicleSection):
         return KNOWN_DRIVEN[section.model].make(section.thrust_max, section.thrust_min)
     if not isinstance(section, FossenVehicleSection):
-        factory = configuration.problem_object.vehicle
-        assert factory is not None, "checked when the configuration was read"
-        vehicle: Vehicle = made("vehicle", factory)
-        check_vehicle(vehicle)
-        if vehicle.position_dimension != configuration.dimension:
-            found = f"{named(vehicle, 'position_dimension')}: found {vehicle.position_dimension}"
-            raise ContractError(f"{found}; allowed: {configuration.dimension}, the problem's")
-        return vehicle
+        return own_vehicle(configuration)
     given = section.parameters
     if isinstance(given, VehicleParametersSection):
         parameters = FossenParameters(

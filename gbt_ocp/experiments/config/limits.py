@@ -251,6 +251,20 @@ def _turn_radius(value: float, problem: PosedProblem) -> Iterator[Constraint]:
 
 
 @limit(
+    "pitch",
+    "pitch_deg",
+    Annotated[float, Field(gt=0.0, lt=90.0)] | None,
+    key(None, "Largest pitch in degrees, of a vehicle that has one."),
+)
+def _pitch(value: float, problem: PosedProblem) -> Iterator[Constraint]:
+    from gbt_ocp.guidance.steering_limits import PitchLimit
+
+    if problem.vehicle.flat_dimension <= problem.vehicle.position_dimension + 1:
+        raise ValueError(f"limits.pitch_deg: found {value}; allowed: null, the vehicle has no pitch")
+    yield PitchLimit(math.radians(value))
+
+
+@limit(
     "input_rate",
     "input_rate",
     PositiveInputNumbers | None,

@@ -26,8 +26,9 @@ class TrackingProblem:
     defaults
         Partial configuration, keys as in a file, that applies unless a preset or the file says otherwise.
     vehicle
-        Function without arguments that returns a :class:`gbt_ocp.models.vehicles.Vehicle`; ``None`` for the Fossen
-        model of the configuration.
+        Function without arguments that returns a :class:`gbt_ocp.models.vehicles.Vehicle`, or with ``planner.form:
+        shooting`` any object that :class:`gbt_ocp.models.vehicle_by_rates.VehicleByRates` takes; ``None`` for the
+        Fossen model of the configuration.
     objective
         Function that returns the planner's objective; ``None`` for the expected bearing similarity.
     constrain

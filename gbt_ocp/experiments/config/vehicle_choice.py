@@ -14,6 +14,13 @@ CROSSING = {"startup_deviation": 0.12, "startup_opening": 0.0, "startup_leg_s": 
 """How such a vehicle crosses the line of sight, where a problem has it do so: it is slow and turns slowly, so its legs
 are longer, none of its speed leads away, and plans begin when the standoff leaves them room."""
 
+LEG = 1.5
+"""Time of a leg of the desired bearing, after which it turns back, over that of half a turn of the vehicle.
+
+By the posterior bound for a target that turns, short legs tell more than long ones: errors are a fourth of those of a
+circle. So does a bearing that asks for all of the speed. Plans begin it at the line of sight, so that what cannot be
+reached need not be made up for."""
+
 RESOLVED = 2.1
 """Decay over a Runge-Kutta step that is allowed; beyond 2.78 steps are unstable."""
 
@@ -43,6 +50,7 @@ def driven_defaults(name: str, beneath: Mapping[str, Any], written: Mapping[str,
     written
         What is written, for the length of a piece.
     """
+    from gbt_ocp.guidance.helm import TURN_MARGIN
     from gbt_ocp.models.known_vehicles import KNOWN_DRIVEN  # which loads CasADi
 
     known, merged = KNOWN_DRIVEN[name], overlaid(beneath, written, ())
@@ -51,6 +59,9 @@ def driven_defaults(name: str, beneath: Mapping[str, Any], written: Mapping[str,
     if known.speed_min > 0.0:
         limits |= {"speed_min": known.speed_min, "turn_radius_m": known.turn_radius}
         names += ["speed_min", "turn_radius"]
+    if known.pitch > 0.0:
+        limits["pitch_deg"] = round(math.degrees(known.pitch), 6)
+        names.append("pitch")
     hard = value_at(beneath, ("limits", "hard"))
     limits["hard"] = [*(hard if isinstance(hard, list | tuple) else ()), *names]
     given = (value_at(merged, path) for path in (("planner", "period_s"), ("sensor", "period_s")))
@@ -59,6 +70,8 @@ def driven_defaults(name: str, beneath: Mapping[str, Any], written: Mapping[str,
     defaults: dict[str, Any] = {"planner": {"form": "shooting", "steps": steps}, "limits": limits}
     if value_at(beneath, ("guidance", "startup_deviation")) not in (NOTHING, 0.0):
         defaults["guidance"] = CROSSING | {"startup_speed": round(0.97 * known.speed, 2)}
-    if known.turn_radius > 0.0 and value_at(beneath, ("desired_bearing", "reverse_s")) is not NOTHING:
-        defaults["desired_bearing"] = {"reverse_s": None}  # turns that are long: it circles
+    reverse = value_at(beneath, ("desired_bearing", "reverse_s"))
+    if known.turn_radius > 0.0 and isinstance(reverse, int | float):
+        turn = math.pi * TURN_MARGIN * known.turn_radius / known.speed
+        defaults["desired_bearing"] = {"reverse_s": max(reverse, round(LEG * turn)), "target_speed": 0.0}
     return defaults

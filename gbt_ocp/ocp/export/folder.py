@@ -149,7 +149,9 @@ def _cmake_lists(sources: Mapping[str, str], names: Sequence[str]) -> str:
     units = sorted(name for name in sources if name.endswith(".c"))
     headers = [name for name in ("gbt_plan.h", "gbt_pilot.h") if name in sources]
     for name in headers:
-        headers += [found for found in re.findall(r'#include "(\w+\.h)"', sources[name]) if found not in headers]
+        # those of the other form of trajectories are included by neither
+        included = re.findall(r'#include "(\w+\.h)"', sources[name])
+        headers += [found for found in included if found in sources and found not in headers]
     text = _template("CMakeLists.txt")
     for mark, names in (("@SOURCES@", units), ("@HEADERS@", sorted(headers))):
         text = text.replace(mark, "\n  ".join(f"src/{name}" for name in names))

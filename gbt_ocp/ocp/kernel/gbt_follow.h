@@ -17,16 +17,10 @@
 #ifndef GBT_FOLLOW_H
 #define GBT_FOLLOW_H
 
+#include "gbt_setpoint.h"
 #include "gbt_solver.h"
 
 GBT_BEGIN_C
-
-typedef enum {
-    GBT_FOLLOWED = 0,
-    GBT_FOLLOW_CLIPPED = 1,   /* more thrust was asked for than there is */
-    GBT_FOLLOW_NO_PLAN = 2,   /* there is no plan at this time; no thrust */
-    GBT_FOLLOW_NOT_FINITE = 3 /* an input is not finite; no thrust */
-} gbt_follow_status;
 
 typedef struct {
     gbt_real bandwidth; /* w in rad/s */
@@ -65,15 +59,6 @@ gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt
    z, dz         measured flat output and its rate, GBT_FLAT each */
 gbt_follow_status gbt_follow_points(gbt_real bandwidth, const gbt_real *now, const gbt_real *middle, const gbt_real *own,
                                     const gbt_real *z, const gbt_real *dz, gbt_follow_result *result);
-
-typedef struct {
-    gbt_follow_status status;
-    gbt_real z[GBT_FLAT], dz[GBT_FLAT]; /* flat output and its rate, over ground */
-    gbt_real course;                    /* over ground, counter-clockwise from +x, rad */
-    gbt_real speed;                     /* through the water, in the horizontal plane, m/s */
-    gbt_real heading;                   /* the first flat output after the position, rad; 0 without one */
-    gbt_real depth;                     /* positive down, m; 0 in the plane */
-} gbt_setpoint;
 
 /* What an autopilot is given in place of thrust: where the plan is, and how it moves there. Beyond the end of the plan
    that is its end.

@@ -161,6 +161,17 @@ void gbt_end_point(gbt_workspace *work, int i, gbt_real *point);
 #endif
 
 #if GBT_SHOOTING
+/* Of the values of a limit in a node: what the multipliers lambda of its sides are worth together, and then sigma. */
+static inline void gbt_side_weights(const gbt_limit *limit, const gbt_real *lambda, const gbt_real *sigma,
+                                    gbt_real *weights)
+{
+    for (int r = 0; r < 2 * limit->rows; r++) weights[r] = 0;
+    for (int r = 0; r < limit->sides; r++) {
+        weights[limit->row[r]] += limit->sign[r] * lambda[r];
+        weights[limit->rows + limit->row[r]] += sigma[r];
+    }
+}
+
 /* gbt_newton_step for a start that is elsewhere by so much, GBT_STATE. */
 void gbt_step_from(gbt_workspace *work, gbt_piece gradient[], const gbt_real *change);
 
@@ -194,14 +205,19 @@ void gbt_passed_states(gbt_piece piece, gbt_real states[GBT_STEPS + 1][GBT_LAST]
 void gbt_passed_slopes(gbt_piece piece, gbt_real states[GBT_STEPS + 1][GBT_LAST],
                        gbt_real along[GBT_STEPS + 1][GBT_LAST][GBT_PIECE]);
 void gbt_end_slopes(gbt_real along[GBT_LAST][GBT_PIECE], gbt_real slopes[GBT_STATE][GBT_PIECE]);
-/* The chain rule: a row of first derivatives, and second derivatives added to the lower triangle of a matrix. */
+/* The chain rule for a row of first derivatives. */
 void gbt_chained(gbt_real along[GBT_LAST][GBT_PIECE], gbt_real *row);
-void gbt_add_chained(gbt_real along[GBT_LAST][GBT_PIECE], const gbt_real *entry, int entries, const int *rows,
-                     const int *columns, gbt_real matrix[GBT_PIECE][GBT_PIECE]);
-/* Second derivatives of the states after the steps times multipliers, which are spent. */
-void gbt_flow_bend(gbt_piece piece, gbt_real states[GBT_STEPS + 1][GBT_LAST],
-                   gbt_real along[GBT_STEPS + 1][GBT_LAST][GBT_PIECE], gbt_real push[GBT_STEPS + 1][GBT_LAST],
-                   gbt_real *bend);
+
+/* The step at whose end a limit has its node k. */
+static inline int gbt_step_of(const gbt_limit *limit, int k)
+{
+    return (limit->first + k) * GBT_STEPS / limit->intervals;
+}
+
+/* Of piece i, from its places and the lambda and sigma of their sides on: the second derivatives of the limits that look
+   at states between the steps are added to work->curvature, and those of the state at its end are work->bend. */
+void gbt_add_along_steps(gbt_workspace *work, int i, gbt_real (*place)[GBT_PLACE], const gbt_real *lambda,
+                         const gbt_real *sigma);
 #endif
 
 /* Cuts the inputs of a piece to what there is, and to what their rates allow. */

@@ -22,11 +22,6 @@ typedef gbt_real (*passed_states)[GBT_STEPS + 1][GBT_LAST];
 typedef void *passed_states;
 #endif
 
-#if GBT_STEPS > 1
-/* The step at whose end a limit has its node k. */
-static int step_of(const gbt_limit *limit, int k) { return (limit->first + k) * GBT_STEPS / limit->intervals; }
-#endif
-
 /* What a limit looks at in its node k of piece i, where the states after the steps are known. */
 static void place_at_node(const gbt_workspace *work, gbt_piece piece, passed_states passed, int i,
                           const gbt_limit *limit, int k, gbt_real *place)
@@ -35,7 +30,7 @@ static void place_at_node(const gbt_workspace *work, gbt_piece piece, passed_sta
     place[GBT_PIECE] = limit->share[k];
 #if GBT_STEPS > 1
     if (limit->moved)
-        for (int a = 0; a < GBT_LAST; a++) place[a] = passed[i][step_of(limit, k)][a];
+        for (int a = 0; a < GBT_LAST; a++) place[a] = passed[i][gbt_step_of(limit, k)][a];
 #else
     (void)passed;
 #endif
@@ -168,7 +163,7 @@ void gbt_differentiate(gbt_workspace *work)
 #if GBT_STEPS > 1
                 if (limit->moved)
                     for (int r = 0; r < limit->rows; r++)
-                        gbt_chained(work->along[i][step_of(limit, k)], jacobian + r * GBT_PIECE);
+                        gbt_chained(work->along[i][gbt_step_of(limit, k)], jacobian + r * GBT_PIECE);
 #endif
                 jacobian += limit->jacobian_entries;
             }
@@ -245,12 +240,6 @@ void gbt_assemble(gbt_workspace *work)
     gbt_real entry[GBT_ENTRIES], weights[2 * GBT_ROWS], (*place)[GBT_PLACE] = work->place;
     const gbt_real *lambda = work->lambda, *sigma = work->sigma, *jacobian = work->jacobian;
     gbt_real weight[GBT_TERMS];
-#if GBT_STEPS > 1
-    gbt_real push[GBT_PIECES][GBT_STEPS + 1][GBT_LAST], slopes[GBT_ROWS * GBT_PIECE];
-    for (int i = 0; i < work->pieces; i++)
-        for (int k = 0; k <= GBT_STEPS; k++)
-            for (int a = 0; a < GBT_LAST; a++) push[i][k][a] = k < GBT_STEPS ? 0 : work->pull[i + 1][a];
-#endif
 
     for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
     for (int i = 0; i <= work->pieces; i++)
@@ -260,41 +249,26 @@ void gbt_assemble(gbt_workspace *work)
         gbt_objective.hessian(seen_by_objective(work->piece, i), work->parameters + i * GBT_END_NUMBERS, weight, entry);
         add(entry, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column,
             work->curvature[i + GBT_COST_AT_END]);
-#if GBT_STEPS == 1
+#if GBT_STEPS > 1
+        gbt_add_along_steps(work, i, place, lambda, sigma);
+#else
         gbt_stage_curvature(work->piece[i], work->pull[i + 1], 0, work->bend[i]);
 #endif
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
-            for (int k = 0; k < limit->nodes; k++) {
-                for (int r = 0; r < 2 * limit->rows; r++) weights[r] = 0;
-                for (int r = 0; r < limit->sides; r++) {
-                    weights[limit->row[r]] += limit->sign[r] * *lambda++;
-                    weights[limit->rows + limit->row[r]] += *sigma++;
+            for (int k = 0; k < limit->nodes; k++, place++) {
+                if (!limit->moved) {
+                    gbt_side_weights(limit, lambda, sigma, weights);
+                    limit->curvature(*place, weights, jacobian, entry);
+                    add(entry, limit->curvature_entries, limit->curvature_row, limit->curvature_column,
+                        work->curvature[i]);
                 }
-#if GBT_STEPS > 1
-                if (limit->moved) {
-                    const int node = step_of(limit, k);
-                    limit->jacobian(*place, 0, 0, slopes);
-                    limit->curvature(*place++, weights, slopes, entry);
-                    for (int r = 0; r < limit->rows; r++)
-                        for (int a = 0; a < GBT_LAST; a++) push[i][node][a] += weights[r] * slopes[r * GBT_PIECE + a];
-                    gbt_add_chained(work->along[i][node], entry, limit->curvature_entries, limit->curvature_row,
-                                    limit->curvature_column, work->curvature[i]);
-                    jacobian += limit->jacobian_entries;
-                    continue;
-                }
-#endif
-                limit->curvature(*place++, weights, jacobian, entry);
+                lambda += limit->sides;
+                sigma += limit->sides;
                 jacobian += limit->jacobian_entries;
-                add(entry, limit->curvature_entries, limit->curvature_row, limit->curvature_column,
-                    work->curvature[i]);
             }
         }
     }
-#if GBT_STEPS > 1
-    for (int i = 0; i < work->pieces; i++)
-        gbt_flow_bend(work->piece[i], work->passed[i], work->along[i], push[i], work->bend[i]);
-#endif
 }
 
 #if GBT_SUMS

@@ -63,8 +63,10 @@ void gbt_chained(gbt_real along[GBT_LAST][GBT_PIECE], gbt_real *row)
 {
     gbt_real sum[GBT_PIECE];
     for (int c = 0; c < GBT_PIECE; c++) sum[c] = c < GBT_LAST ? 0 : row[c];
-    for (int k = 0; k < GBT_LAST; k++)
+    for (int k = 0; k < GBT_LAST; k++) {
+        if (row[k] == 0) continue;
         for (int c = 0; c < GBT_PIECE; c++) sum[c] += row[k] * along[k][c];
+    }
     for (int c = 0; c < GBT_PIECE; c++) row[c] = sum[c];
 }
 
@@ -91,46 +93,93 @@ void gbt_end_slopes(gbt_real along[GBT_LAST][GBT_PIECE], gbt_real slopes[GBT_STA
             slopes[r][c] = r < GBT_LAST ? along[r][c] : c == GBT_PIECE - GBT_INPUTS + r - GBT_LAST;
 }
 
-/* matrix += W' H W in the lower triangle, W the derivatives of the numbers at a step. Entries of H are of its lower
-   triangle. */
-void gbt_add_chained(gbt_real along[GBT_LAST][GBT_PIECE], const gbt_real *entry, int entries, const int *rows,
-                     const int *columns, gbt_real matrix[GBT_PIECE][GBT_PIECE])
+/* out = W' in, W the derivatives of the numbers after a step for those before it, of which slopes has the rows of what
+   moves; the others stay. Many of the slopes are zero. */
+static void back_through(gbt_real slopes[GBT_LAST][GBT_PIECE], gbt_real in[GBT_PIECE][GBT_PIECE],
+                         gbt_real out[GBT_PIECE][GBT_PIECE])
 {
-    gbt_real product[GBT_PIECE][GBT_PIECE]; /* H W */
-    for (int a = 0; a < GBT_PIECE; a++)
-        for (int c = 0; c < GBT_PIECE; c++) product[a][c] = 0;
-    for (int e = 0; e < entries; e++) {
-        product[rows[e]][columns[e]] += entry[e];
-        if (rows[e] != columns[e]) product[columns[e]][rows[e]] += entry[e];
-    }
-    for (int a = 0; a < GBT_PIECE; a++) gbt_chained(along, product[a]);
-    for (int a = 0; a < GBT_PIECE; a++)
-        for (int c = 0; c <= a; c++) {
-            gbt_real sum = a < GBT_LAST ? 0 : product[a][c];
-            for (int k = 0; k < GBT_LAST; k++) sum += along[k][a] * product[k][c];
-            matrix[a][c] += sum;
+    for (int c = 0; c < GBT_PIECE; c++) {
+        gbt_real row[GBT_PIECE];
+        for (int a = 0; a < GBT_PIECE; a++) row[a] = c < GBT_LAST ? 0 : in[c][a];
+        for (int k = 0; k < GBT_LAST; k++) {
+            const gbt_real slope = slopes[k][c];
+            if (slope == 0) continue;
+            for (int a = 0; a < GBT_PIECE; a++) row[a] += slope * in[k][a];
         }
+        for (int a = 0; a < GBT_PIECE; a++) out[c][a] = row[a];
+    }
 }
 
-void gbt_flow_bend(gbt_piece piece, gbt_real states[GBT_STEPS + 1][GBT_LAST],
-                   gbt_real along[GBT_STEPS + 1][GBT_LAST][GBT_PIECE], gbt_real push[GBT_STEPS + 1][GBT_LAST],
-                   gbt_real *bend)
+/* Second derivatives for the numbers after a step to those before it: W' matrix W, symmetric. */
+static void square_through(gbt_real slopes[GBT_LAST][GBT_PIECE], gbt_real matrix[GBT_PIECE][GBT_PIECE])
 {
-    gbt_real at[GBT_PIECE], span[2], entry[GBT_ENTRIES], slopes[GBT_LAST][GBT_PIECE], sum[GBT_PIECE][GBT_PIECE];
+    gbt_real half[GBT_PIECE][GBT_PIECE], turned[GBT_PIECE][GBT_PIECE];
+    back_through(slopes, matrix, half);
+    for (int a = 0; a < GBT_PIECE; a++)
+        for (int c = 0; c < GBT_PIECE; c++) turned[a][c] = half[c][a];
+    back_through(slopes, turned, matrix);
+}
+
+/* Adds entries of a lower triangle to a symmetric matrix. */
+static void add_both(const gbt_real *entry, int entries, const int *rows, const int *columns,
+                     gbt_real matrix[GBT_PIECE][GBT_PIECE])
+{
+    for (int e = 0; e < entries; e++) {
+        matrix[rows[e]][columns[e]] += entry[e];
+        if (rows[e] != columns[e]) matrix[columns[e]][rows[e]] += entry[e];
+    }
+}
+
+/* The limits that look at the state after a step: their second derivatives there, and what their multipliers push. */
+static void add_nodes(int step, gbt_real (*place)[GBT_PLACE], const gbt_real *lambda, const gbt_real *sigma,
+                      gbt_real matrix[GBT_PIECE][GBT_PIECE], gbt_real *push)
+{
+    gbt_real weights[2 * GBT_ROWS], slopes[GBT_ROWS * GBT_PIECE], entry[GBT_ENTRIES];
+    for (int q = 0; q < GBT_LIMITS; q++) {
+        const gbt_limit *limit = &gbt_limits[q];
+        for (int k = 0; k < limit->nodes; k++, place++, lambda += limit->sides, sigma += limit->sides) {
+            if (!limit->moved || gbt_step_of(limit, k) != step) continue;
+            gbt_side_weights(limit, lambda, sigma, weights);
+            limit->jacobian(*place, 0, 0, slopes);
+            limit->curvature(*place, weights, slopes, entry);
+            add_both(entry, limit->curvature_entries, limit->curvature_row, limit->curvature_column, matrix);
+            for (int r = 0; r < limit->rows; r++)
+                for (int a = 0; a < GBT_LAST; a++) push[a] += weights[r] * slopes[r * GBT_PIECE + a];
+        }
+    }
+}
+
+/* From the last step to the first one, each time for the numbers before the step. */
+void gbt_add_along_steps(gbt_workspace *work, int i, gbt_real (*place)[GBT_PLACE], const gbt_real *lambda,
+                         const gbt_real *sigma)
+{
+    gbt_real limits[GBT_PIECE][GBT_PIECE], flow[GBT_PIECE][GBT_PIECE], slopes[GBT_LAST][GBT_PIECE];
+    gbt_real push[GBT_LAST], at[GBT_PIECE], span[2], entry[GBT_ENTRIES];
     for (int a = 0; a < GBT_PIECE; a++) {
-        at[a] = piece[a];
-        for (int c = 0; c < GBT_PIECE; c++) sum[a][c] = 0;
+        at[a] = work->piece[i][a];
+        for (int c = 0; c < GBT_PIECE; c++) limits[a][c] = flow[a][c] = 0;
     }
+    for (int a = 0; a < GBT_LAST; a++) push[a] = work->pull[i + 1][a];
+    add_nodes(GBT_STEPS, place, lambda, sigma, limits, push);
     for (int k = GBT_STEPS - 1; k >= 0; k--) {
-        for (int a = 0; a < GBT_LAST; a++) at[a] = states[k][a];
+        gbt_real before[GBT_LAST];
+        for (int a = 0; a < GBT_LAST; a++) at[a] = work->passed[i][k][a];
         span_of(k, span);
-        gbt_flow_curvature(at, push[k + 1], span, entry);
-        gbt_add_chained(along[k], entry, gbt_flow_entries, gbt_flow_row, gbt_flow_column, sum);
         gbt_flow_slopes(at, span, 0, &slopes[0][0]);
-        for (int r = 0; r < GBT_LAST; r++)
-            for (int c = 0; c < GBT_LAST; c++) push[k][c] += push[k + 1][r] * slopes[r][c];
+        gbt_flow_curvature(at, push, span, entry);
+        square_through(slopes, limits);
+        square_through(slopes, flow);
+        add_both(entry, gbt_flow_entries, gbt_flow_row, gbt_flow_column, flow);
+        for (int c = 0; c < GBT_LAST; c++) {
+            before[c] = 0;
+            for (int r = 0; r < GBT_LAST; r++) before[c] += push[r] * slopes[r][c];
+        }
+        for (int c = 0; c < GBT_LAST; c++) push[c] = before[c];
+        add_nodes(k, place, lambda, sigma, limits, push);
     }
-    for (int e = 0; e < gbt_stage_entries; e++) bend[e] = sum[gbt_stage_row[e]][gbt_stage_column[e]];
+    for (int a = 0; a < GBT_PIECE; a++)
+        for (int c = 0; c <= a; c++) work->curvature[i][a][c] += limits[a][c];
+    for (int e = 0; e < gbt_stage_entries; e++) work->bend[i][e] = flow[gbt_stage_row[e]][gbt_stage_column[e]];
 }
 
 #endif

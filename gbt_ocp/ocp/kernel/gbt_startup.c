@@ -61,28 +61,13 @@ static void turn_of(const gbt_startup *startup, const gbt_real *sight, gbt_real 
     normalise(turn, STRAIGHT);
 }
 
-/* Thrust that reaches a velocity within the period and brings all else to rest, within the limits. */
-static void reach(const gbt_startup *startup, const gbt_real *z, const gbt_real *dz, const gbt_real *velocity,
-                  gbt_real *thrust)
+gbt_startup_status gbt_startup_velocity(gbt_startup *startup, gbt_real time, const gbt_real *z, const gbt_real *mean,
+                                        const gbt_real *covariance, gbt_real *velocity)
 {
-    gbt_real point[GBT_POINT];
-    for (int j = 0; j < GBT_FLAT; j++) {
-        point[j] = z[j];
-        point[GBT_FLAT + j] = dz[j];
-        point[2 * GBT_FLAT + j] = ((j < D ? velocity[j] : 0) - dz[j]) / startup->period;
-    }
-    gbt_vehicle_inputs(point, 0, 0, thrust);
-    for (int i = 0; i < GBT_INPUTS; i++) thrust[i] = gbt_within_thrust(i, thrust[i], 1);
-}
-
-gbt_startup_status gbt_startup_step(gbt_startup *startup, gbt_real time, const gbt_real *z, const gbt_real *dz,
-                                    const gbt_real *mean, const gbt_real *covariance, gbt_real *thrust)
-{
-    gbt_real sight[D], turn[D], velocity[D], variance = 0;
+    gbt_real sight[D], turn[D], variance = 0;
     const int known = startup->known;
-    for (int i = 0; i < GBT_INPUTS; i++) thrust[i] = 0;
-    if (!isfinite(time) || !all_finite(z, GBT_FLAT) || !all_finite(dz, GBT_FLAT) || !all_finite(mean, D) ||
-        !all_finite(covariance, D * D))
+    for (int k = 0; k < D; k++) velocity[k] = 0;
+    if (!isfinite(time) || !all_finite(z, D) || !all_finite(mean, D) || !all_finite(covariance, D * D))
         return GBT_STARTUP_NOT_FINITE;
 
     for (int k = 0; k < D; k++) sight[k] = mean[k] - z[k];
@@ -104,6 +89,32 @@ gbt_startup_status gbt_startup_step(gbt_startup *startup, gbt_real time, const g
     turn_of(startup, sight, turn);
     for (int k = 0; k < D; k++)
         velocity[k] = (back ? 1 : -1) * startup->across * turn[k] - startup->opening * sight[k];
-    reach(startup, z, dz, velocity, thrust);
     return GBT_STARTUP_CROSS;
 }
+
+#if !GBT_SHOOTING
+/* Thrust that reaches a velocity within the period and brings all else to rest, within the limits. */
+static void reach(const gbt_startup *startup, const gbt_real *z, const gbt_real *dz, const gbt_real *velocity,
+                  gbt_real *thrust)
+{
+    gbt_real point[GBT_POINT];
+    for (int j = 0; j < GBT_FLAT; j++) {
+        point[j] = z[j];
+        point[GBT_FLAT + j] = dz[j];
+        point[2 * GBT_FLAT + j] = ((j < D ? velocity[j] : 0) - dz[j]) / startup->period;
+    }
+    gbt_vehicle_inputs(point, 0, 0, thrust);
+    for (int i = 0; i < GBT_INPUTS; i++) thrust[i] = gbt_within_thrust(i, thrust[i], 1);
+}
+
+gbt_startup_status gbt_startup_step(gbt_startup *startup, gbt_real time, const gbt_real *z, const gbt_real *dz,
+                                    const gbt_real *mean, const gbt_real *covariance, gbt_real *thrust)
+{
+    gbt_real velocity[D];
+    for (int i = 0; i < GBT_INPUTS; i++) thrust[i] = 0;
+    if (!all_finite(z, GBT_FLAT) || !all_finite(dz, GBT_FLAT)) return GBT_STARTUP_NOT_FINITE;
+    const gbt_startup_status status = gbt_startup_velocity(startup, time, z, mean, covariance, velocity);
+    if (status == GBT_STARTUP_CROSS) reach(startup, z, dz, velocity, thrust);
+    return status;
+}
+#endif

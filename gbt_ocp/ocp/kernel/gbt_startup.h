@@ -46,7 +46,18 @@ typedef struct {
 void gbt_startup_init(gbt_startup *startup, const gbt_real *axis, gbt_real deviation, gbt_real speed, gbt_real opening,
                       gbt_real leg, gbt_real period);
 
-/* One step.
+/* One step for any vehicle: how fast to cross.
+
+   time         now, s
+   z            measured position first, GBT_DIMENSION, m
+   mean         posterior mean of the target's position now, GBT_DIMENSION, m
+   covariance   its covariance, GBT_DIMENSION x GBT_DIMENSION, m^2
+   velocity     GBT_DIMENSION, m/s; 0 unless the vehicle is to cross */
+gbt_startup_status gbt_startup_velocity(gbt_startup *startup, gbt_real time, const gbt_real *z, const gbt_real *mean,
+                                        const gbt_real *covariance, gbt_real *velocity);
+
+#if !GBT_SHOOTING
+/* The same for a flat vehicle, with the thrust that crosses.
 
    time         now, s
    z, dz        measured flat output and its rate, GBT_FLAT each
@@ -55,6 +66,7 @@ void gbt_startup_init(gbt_startup *startup, const gbt_real *axis, gbt_real devia
    thrust       GBT_INPUTS, within the limits; 0 unless the vehicle is to cross */
 gbt_startup_status gbt_startup_step(gbt_startup *startup, gbt_real time, const gbt_real *z, const gbt_real *dz,
                                     const gbt_real *mean, const gbt_real *covariance, gbt_real *thrust);
+#endif
 
 GBT_END_C
 

@@ -2,7 +2,9 @@
 
 #include "gbt_bearing.h"
 #include "gbt_math.h"
+#if !GBT_SHOOTING
 #include "gbt_trajectory.h"
+#endif
 
 #define D GBT_DIMENSION
 #define ON_SCHEDULE 1e-6                  /* deviation in seconds up to which a step counts as one on time */
@@ -32,6 +34,28 @@ gbt_real gbt_flow(const gbt_pilot *pilot, int j)
 #endif
 }
 
+#if GBT_SHOOTING
+void gbt_carry_on(const gbt_pilot *pilot, const gbt_own_state *own, double time, gbt_real *z, gbt_real *dz)
+{
+    (void)pilot;
+    (void)time;
+    for (int j = 0; j < GBT_FLAT; j++) {
+        z[j] = own->pose[j];
+        dz[j] = own->rates[j];
+    }
+}
+
+static void flat_of(const gbt_pilot *pilot, double time, const gbt_real *z, const gbt_real *dz,
+                    gbt_real flat[GBT_JOINED][GBT_FLAT])
+{
+    (void)pilot;
+    (void)time;
+    for (int j = 0; j < GBT_FLAT; j++) {
+        flat[0][j] = z[j];
+        flat[1][j] = dz[j];
+    }
+}
+#else
 void gbt_carry_on(const gbt_pilot *pilot, const gbt_own_state *own, double time, gbt_real *z, gbt_real *dz)
 {
     const gbt_own_state *last = gbt_latest(pilot);
@@ -83,6 +107,8 @@ static void flat_of(const gbt_pilot *pilot, double time, const gbt_real *z, cons
     for (int l = 2; l < GBT_JOINED; l++)
         for (int j = 0; j < GBT_FLAT; j++) flat[l][j] = planned[l][j];
 }
+
+#endif
 
 /* Predicts; a forecast that is not finite is kept as it is, but the guidance is given the last finite one in its place, a
    period further on, and without any the vehicle's own position. */

@@ -10,7 +10,9 @@ void gbt_guidance_begin(gbt_guidance *guidance)
 {
     const gbt_pilot_settings *numbers = &gbt_pilot_numbers;
     gbt_plan_init(&guidance->room.planner);
+#if !GBT_SHOOTING
     gbt_follow_init(&guidance->follower, numbers->follow_bandwidth);
+#endif
     gbt_startup_init(&guidance->startup, numbers->axis, numbers->startup_deviation, numbers->startup_speed,
                      numbers->startup_opening, numbers->startup_leg, (gbt_real)numbers->period);
     guidance->desired.rate = numbers->desired_rate;
@@ -57,11 +59,39 @@ static void prepare_desired(gbt_guidance *guidance, double time, gbt_real flat[G
 /* An estimator without a covariance is taken at its word. */
 static gbt_real known(gbt_real variance) { return isnan(variance) ? 0 : variance; }
 
+#if GBT_SHOOTING
+/* The state from which is planned, with the inputs that act now where their rates are limited. */
+static void begin_plan(gbt_guidance *guidance, gbt_real flat[GBT_JOINED][GBT_FLAT])
+{
+    gbt_driven_state(flat[0], flat[1], 0, guidance->began);
+#if GBT_LAST < GBT_STATES
+    for (int j = 0; j < GBT_INPUTS; j++) {
+        const gbt_real planned = guidance->room.planner.warm ? guidance->plan.top[0][GBT_FREE - GBT_INPUTS + j] : 0;
+        guidance->began[GBT_LAST + j] = guidance->acts ? guidance->acting[j] : planned;
+    }
+#endif
+}
+#endif
+
+void gbt_guidance_replace(gbt_guidance *guidance, const gbt_real *top)
+{
+    for (int a = 0; a < GBT_PIECES * GBT_FREE; a++) {
+        guidance->room.planner.previous[a / GBT_FREE][a % GBT_FREE] = top[a];
+        guidance->plan.top[a / GBT_FREE][a % GBT_FREE] = top[a];
+#if !GBT_SHOOTING
+        guidance->follower.top[a / GBT_FREE][a % GBT_FREE] = top[a];
+#endif
+    }
+#if GBT_SHOOTING
+    gbt_regulator_replace(&guidance->regulator, guidance->began, guidance->plan.top);
+#endif
+}
+
 static gbt_decision plan(gbt_guidance *guidance, double time, gbt_real flat[GBT_JOINED][GBT_FLAT],
                          const gbt_forecast *forecast)
 {
     enum { BOUNDARIES = GBT_PIECES + GBT_PRESENT };
-    gbt_real state[GBT_STATE], mean[BOUNDARIES][D], covariance[BOUNDARIES][D][D], desired[GBT_PIECES][D];
+    gbt_real mean[BOUNDARIES][D], covariance[BOUNDARIES][D][D], desired[GBT_PIECES][D];
     if (guidance->planned && elapsed(guidance, time, &guidance->elapsed)) return GBT_DECIDED_FOLLOW;
     prepare_desired(guidance, time, flat, forecast);
     for (int i = 0; i < BOUNDARIES; i++) {
@@ -73,27 +103,61 @@ static gbt_decision plan(gbt_guidance *guidance, double time, gbt_real flat[GBT_
     }
     for (int i = 0; i < GBT_PIECES; i++)
         gbt_desired_at(&guidance->desired, time + (double)GBT_PERIOD * (i + 1), desired[i]);
+#if GBT_SHOOTING
+    begin_plan(guidance, flat);
+    const gbt_real *state = guidance->began;
+#else
+    gbt_real state[GBT_STATE];
     /* the acceleration that acts is that of the first piece of the last plan, if there was one */
     for (int a = 0; a < GBT_STATE; a++)
         state[a] = a < GBT_MOTION ? flat[a / GBT_FLAT][a % GBT_FLAT] : guidance->room.planner.previous[0][a - GBT_MOTION];
+#endif
     gbt_plan(&guidance->room.planner, state, &mean[0][0], &covariance[0][0][0], &desired[0][0], &guidance->plan);
     if (guidance->plan.origin == GBT_NO_PLAN) return GBT_DECIDED_NOTHING;
-    gbt_follow_plan(&guidance->follower, &flat[0][0], &guidance->plan.top[0][0]);
+#if GBT_SHOOTING
+    gbt_regulator_plan(&guidance->regulator, state, guidance->plan.top);
+    guidance->acts = 0;
+#else
+    gbt_follow_plan(&guidance->follower, state, &guidance->plan.top[0][0]);
+#endif
     guidance->planned = 1;
     guidance->planned_at = time;
     guidance->elapsed = 0;
     return GBT_DECIDED_PLAN;
 }
 
+/* Crosses the line of sight, or says that it is time to plan. */
+static gbt_startup_status cross(gbt_guidance *guidance, double time, gbt_real flat[GBT_JOINED][GBT_FLAT],
+                                const gbt_forecast *forecast)
+{
+    gbt_real covariance[D][D];
+    for (int p = 0; p < D; p++)
+        for (int q = 0; q < D; q++) covariance[p][q] = known(forecast->covariance[0][p][q]);
+#if GBT_SHOOTING
+    gbt_real velocity[D];
+    const gbt_startup_status status = gbt_startup_velocity(&guidance->startup, (gbt_real)time, flat[0],
+                                                           forecast->mean[0], &covariance[0][0], velocity);
+    if (status == GBT_STARTUP_CROSS) {
+        gbt_helm_reach(&guidance->helm, flat[0], flat[1], velocity, guidance->thrust);
+        guidance->acts = 1;
+        for (int j = 0; j < GBT_INPUTS; j++) guidance->acting[j] = guidance->thrust[j];
+    }
+    if (status == GBT_STARTUP_RESTART && !guidance->acts && guidance->room.planner.warm) {
+        guidance->acts = 1;
+        for (int j = 0; j < GBT_INPUTS; j++) guidance->acting[j] = guidance->plan.top[0][GBT_FREE - GBT_INPUTS + j];
+    }
+    return status;
+#else
+    return gbt_startup_step(&guidance->startup, (gbt_real)time, flat[0], flat[1], forecast->mean[0], &covariance[0][0],
+                            guidance->thrust);
+#endif
+}
+
 gbt_decision gbt_guidance_decide(gbt_guidance *guidance, double time, gbt_real flat[GBT_JOINED][GBT_FLAT],
                                  const gbt_forecast *forecast)
 {
     if (gbt_pilot_numbers.startup_deviation > 0) {
-        gbt_real covariance[D][D];
-        for (int p = 0; p < D; p++)
-            for (int q = 0; q < D; q++) covariance[p][q] = known(forecast->covariance[0][p][q]);
-        switch (gbt_startup_step(&guidance->startup, (gbt_real)time, flat[0], flat[1], forecast->mean[0],
-                                 &covariance[0][0], guidance->thrust)) {
+        switch (cross(guidance, time, flat, forecast)) {
         case GBT_STARTUP_CROSS: return GBT_DECIDED_CROSS;
         case GBT_STARTUP_NOT_FINITE: return GBT_DECIDED_NOTHING;
         case GBT_STARTUP_RESTART:

@@ -6,12 +6,18 @@
 #define LATE (gbt_pilot_numbers.late)
 #define GAP (gbt_pilot_numbers.navigation_gap)
 
-void gbt_earth_rates(gbt_real yaw, const gbt_real *velocity, gbt_real *rates)
+void gbt_earth_rates(const gbt_real *pose, const gbt_real *velocity, gbt_real *rates)
 {
-    const gbt_real c = gbt_cos(yaw), s = gbt_sin(yaw);
+    const gbt_real c = gbt_cos(pose[D]), s = gbt_sin(pose[D]);
+    gbt_real ahead = velocity[0];
     for (int j = 2; j < GBT_POSE; j++) rates[j] = velocity[j];
-    rates[0] = c * velocity[0] - s * velocity[1];
-    rates[1] = s * velocity[0] + c * velocity[1];
+#if GBT_DIMENSION == 3 && GBT_FLAT > 4
+    const gbt_real ct = gbt_cos(pose[4]), st = gbt_sin(pose[4]);
+    ahead = ct * velocity[0] - st * velocity[2];
+    rates[2] = st * velocity[0] + ct * velocity[2];
+#endif
+    rates[0] = c * ahead - s * velocity[1];
+    rates[1] = s * ahead + c * velocity[1];
 }
 
 static void drop_first(gbt_own_track *track)
@@ -90,7 +96,7 @@ int gbt_own_at(const gbt_own_track *track, double time, int bridging, gbt_own_st
     if (after->time - before->time > GAP && !bridging) return 0;
     const gbt_real span = (gbt_real)(after->time - before->time), s = (gbt_real)(time - before->time) / span;
     for (int j = 0; j < GBT_POSE; j++) {
-        const gbt_real moved = after->pose[j] - before->pose[j], step = j == D ? gbt_remainder(moved, GBT_TURN) : moved;
+        const gbt_real moved = after->pose[j] - before->pose[j], step = j >= D ? gbt_remainder(moved, GBT_TURN) : moved;
         const gbt_real first = before->rates[j], last = after->rates[j];
         /* the cubic of Hermite about the straight line between both */
         const gbt_real bent = (1 - s) * (span * first - step) - s * (span * last - step);

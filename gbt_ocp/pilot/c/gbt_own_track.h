@@ -7,7 +7,8 @@
 
 GBT_BEGIN_C
 
-#define GBT_POSE (GBT_DIMENSION + 1) /* position and yaw */
+/* Position and yaw; of some vehicles the pitch too, bow up. */
+#define GBT_POSE (GBT_FLAT > GBT_DIMENSION + 1 ? GBT_FLAT : GBT_DIMENSION + 1)
 
 /* What became of something that a pilot was given. */
 typedef enum {
@@ -39,8 +40,8 @@ typedef struct {
     gbt_own_state state[GBT_NAVIGATIONS]; /* in the order of time; the oldest are forgotten */
 } gbt_own_track;
 
-/* The rates of a pose of a velocity in the body frame. */
-void gbt_earth_rates(gbt_real yaw, const gbt_real *velocity, gbt_real *rates);
+/* The rates of a pose of a velocity in the body frame and the rates of the angles. */
+void gbt_earth_rates(const gbt_real *pose, const gbt_real *velocity, gbt_real *rates);
 
 /* Sorts a state in, whose numbers are finite; now is the latest time at which a command was asked for. */
 gbt_received gbt_own_add(gbt_own_track *track, const gbt_own_state *state, double now);

@@ -3,7 +3,9 @@
 #include "gbt_decide.h"
 #include "gbt_math.h"
 #include "gbt_origin.h"
+#if !GBT_SHOOTING
 #include "gbt_trajectory.h"
+#endif
 
 #define D GBT_DIMENSION
 
@@ -59,7 +61,7 @@ double gbt_pilot_waypoint(const gbt_pilot *pilot, int after, gbt_setpoint *waypo
 gbt_received gbt_pilot_navigate_far(gbt_pilot *pilot, double time, const double *pose, const gbt_real *velocity,
                                     const gbt_real *covariance)
 {
-    const gbt_real variance = covariance ? covariance[GBT_POSE * GBT_POSE - 1] : 0;
+    const gbt_real variance = covariance ? covariance[D * GBT_POSE + D] : 0;
     gbt_own_state state;
     for (int j = 0; j < GBT_POSE; j++)
         if (!isfinite((gbt_real)pose[j])) return answered(pilot, GBT_NO_NUMBER);
@@ -75,7 +77,7 @@ gbt_received gbt_pilot_navigate_far(gbt_pilot *pilot, double time, const double 
     gbt_origin_place(pilot, pose, state.pose);
     state.time = time;
     state.heading_std = gbt_sqrt(variance);
-    gbt_earth_rates(state.pose[D], velocity, state.rates);
+    gbt_earth_rates(state.pose, velocity, state.rates);
     const gbt_received word = gbt_own_add(&pilot->own, &state, pilot->now);
     if (word == GBT_TAKEN) gbt_origin_follow(pilot);
     return answered(pilot, word);
@@ -199,15 +201,19 @@ static void settle(gbt_pilot *pilot, double time)
 }
 
 /* The thrust of the decision, and the setpoint of its plan. */
-static void follow(const gbt_pilot *pilot, double hold, const gbt_real *z, const gbt_real *dz, gbt_command *command)
+static void follow(gbt_pilot *pilot, double hold, const gbt_real *z, const gbt_real *dz, gbt_command *command)
 {
-    const gbt_guidance *guidance = &pilot->guidance;
+    gbt_guidance *guidance = &pilot->guidance;
     const double now = guidance->elapsed + (command->time - pilot->decided_at);
-    gbt_follow_result followed;
     if (!pilot->following) {
         for (int i = 0; i < GBT_INPUTS; i++) command->thrust[i] = guidance->thrust[i];
         return;
     }
+#if GBT_SHOOTING
+    (void)hold;
+    gbt_regulator_inputs(&guidance->regulator, now, z, dz, command->thrust);
+#else
+    gbt_follow_result followed;
     gbt_real at[GBT_ORDERS][GBT_FLAT], later[GBT_ORDERS][GBT_FLAT], own[GBT_FLAT], through[2][GBT_FLAT], water[D];
     gbt_trajectory_at(&guidance->follower, now, at);
     gbt_trajectory_at(&guidance->follower, now + hold / 2, later);
@@ -222,6 +228,7 @@ static void follow(const gbt_pilot *pilot, double hold, const gbt_real *z, const
     for (int i = 0; i < GBT_INPUTS; i++) command->thrust[i] = followed.thrust[i];
     gbt_follow_setpoint(&guidance->follower, (gbt_real)(now + gbt_pilot_numbers.lead), water, &command->setpoint);
     gbt_origin_give(pilot, command->setpoint.z);
+#endif
 }
 
 static void report(const gbt_pilot *pilot, double time, gbt_command *command)

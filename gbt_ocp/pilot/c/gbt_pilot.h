@@ -105,8 +105,9 @@ size_t gbt_pilot_bytes(void);
 
 /* Takes in where the vehicle is.
 
-   pose         position and yaw, GBT_POSE: x, y(, z up), m, earth frame, and rad counter-clockwise from +x
-   velocity     over ground in the body frame, and yaw rate, GBT_POSE: ahead, to port(, up), m/s and rad/s
+   pose         position and yaw, GBT_POSE: x, y(, z up), m, earth frame, and rad counter-clockwise from +x; of a vehicle
+                with fins in space the pitch too, bow up
+   velocity     over ground in the body frame, and rates of the angles, GBT_POSE: ahead, to port(, up), m/s and rad/s
    covariance   of the pose, GBT_POSE x GBT_POSE, or 0; the variance of the yaw is added to that of azimuths from the bow */
 gbt_received gbt_pilot_navigate(gbt_pilot *pilot, double time, const gbt_real *pose, const gbt_real *velocity,
                                 const gbt_real *covariance);

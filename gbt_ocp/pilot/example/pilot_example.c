@@ -5,7 +5,6 @@
    is no fault. */
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 #include "gbt_pilot.h"
 #include "pilot_vectors.h"
@@ -34,12 +33,6 @@ static double difference(int k)
     return worst;
 }
 
-static void go_on_from(const gbt_real *plan)
-{
-    memcpy(pilot.guidance.room.planner.previous, plan, sizeof pilot.guidance.room.planner.previous);
-    memcpy(pilot.guidance.follower.top, plan, sizeof pilot.guidance.follower.top);
-}
-
 int main(void)
 {
     const int exact = sizeof(gbt_real) == sizeof(double);
@@ -64,7 +57,7 @@ int main(void)
 #endif
             answer = pilot_calls[k].answer;
             if (pilot_calls[k].plan > 0) {
-                go_on_from(pilot_plans[pilot_calls[k].plan - 1]);
+                gbt_guidance_replace(&pilot.guidance, pilot_plans[pilot_calls[k].plan - 1]);
                 steady = pilot_calls[k].within > 0;
             }
             if (pilot_calls[k].within > 0) {

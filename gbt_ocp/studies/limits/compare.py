@@ -198,6 +198,14 @@ def _planned(
         for one in loaded
         if one.vehicles
     ]
+    faults += [
+        f"{one.name}: planner.form: found shooting; allowed: flat, whose plans the problems are recorded with (the "
+        "treatment shooting is by integration)"
+        for one in loaded
+        if one.planner.form != "flat"
+    ]
+    if faults:
+        raise ConfigurationError(faults)
     pairs = chosen_pairs(formulations, solvers)
     faults += [
         f"{one.name}: --formulations: found none that fits ({unfit(one, pairs[0])}); allowed: others"

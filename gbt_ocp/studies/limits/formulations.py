@@ -15,13 +15,14 @@ from gbt_ocp.experiments.build.loop import build_vehicle
 from gbt_ocp.experiments.config.limits import LIMIT_KINDS
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.ocp.limit_classes import LimitClass, limit_class
-from gbt_ocp.ocp.planner import Planner
+from gbt_ocp.ocp.planner import Planner, ShotPlanner
 from gbt_ocp.ocp.problem import TrajectoryProblem
-from gbt_ocp.ocp.shooting import ShootingPlanner
+from gbt_ocp.ocp.shooting_problem import ShootingProblem
 from gbt_ocp.ocp.solvers.base import Solution, Solver
 from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 from gbt_ocp.ocp.solvers.ipopt import IpoptSolver, continuation
 from gbt_ocp.studies.limits.exchange import DoublingCompiledSolver, ExchangeIpoptSolver
+from gbt_ocp.studies.limits.integrated import by_integration
 from gbt_ocp.studies.limits.soft import SoftCompiledSolver, SoftIpoptSolver
 from gbt_ocp.studies.limits.unyielding import UnyieldingSolver, may_give
 from gbt_ocp.typing import Array
@@ -94,6 +95,16 @@ def _soft(
 ) -> Make:
     """What the solvers do with hard limits that may give; where there are only limits on thrust, slacks of these."""
     return _planner(lambda problem, options: (by_class if may_give(problem) else thrust)(problem, options))
+
+
+def _shot(make: Callable[[ShootingProblem, Options], Solver]) -> Make:
+    """A planner by integration; where limits cannot all be kept they give by class, as in the flat form."""
+
+    def planner(problem: TrajectoryProblem, options: Options) -> ShotPlanner:
+        shot = by_integration(problem)
+        return ShotPlanner(shot, make(shot, options))
+
+    return planner
 
 
 @dataclass(frozen=True)
@@ -232,11 +243,9 @@ FORMULATIONS: dict[str, Formulation] = {
         shares=_SLOW,
     ),
     "shooting": Formulation(
-        "multiple shooting with body thrust held over each period (another trajectory class, a yardstick)",
+        "trajectories by integration, body thrust held over each piece; limits as in soft (another trajectory class)",
         False,
-        {IPOPT: lambda problem, _: ShootingPlanner(problem)},
-        {COMPILED: "the kernel's recursion is that of flat pieces, not of an integrator"},
-        unfit=_not_thrust_alone,
+        {IPOPT: _shot(IpoptSolver), COMPILED: _shot(CompiledSolver)},
         shares=_LONG_WAY,
     ),
 }

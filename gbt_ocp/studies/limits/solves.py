@@ -14,16 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gbt_ocp.experiments.config.schema import Configuration
-from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.binding import Binding
-from gbt_ocp.ocp.check import LimitCheck
 from gbt_ocp.ocp.limit_classes import LimitClass, limit_class
-from gbt_ocp.ocp.plan import ShootingPlan
-from gbt_ocp.ocp.planner import Planner
-from gbt_ocp.ocp.shooting import ShootingPlanner
+from gbt_ocp.ocp.plan_forms import plan_form
+from gbt_ocp.ocp.planner import AnyPlanner
+from gbt_ocp.ocp.shooting_problem import ShootingProblem
+from gbt_ocp.ocp.shot import ShotTrajectory
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.ocp.transcription import input_scale
 from gbt_ocp.studies.limits.comparison_tables import Row
+from gbt_ocp.studies.limits.integrated import held_half_way
 from gbt_ocp.studies.limits.problems import Check, Instance, Problems, unasked
 from gbt_ocp.studies.limits.treatments import Pair, kept_planner
 from gbt_ocp.typing import Array
@@ -52,7 +51,7 @@ class Judgement(NamedTuple):
 
 
 class Judge:
-    """Judges flat trajectories.
+    """Judges trajectories of either form.
 
     Parameters
     ----------
@@ -60,11 +59,13 @@ class Judge:
         Of any formulation: its problem gives objective, limits and n_c. Limits count however it treats them.
     """
 
-    def __init__(self, planner: Planner) -> None:
-        self._planner, self._check = planner, LimitCheck(planner.problem)
+    def __init__(self, planner: AnyPlanner) -> None:
+        self._planner, self._check = planner, plan_form(planner.problem).check
         self._classes = np.array([limit_class(planner.problem, c) for c in planner.problem.constraints])
 
-    def __call__(self, trajectory: FlatTrajectory, parameters: list[Array], limits: list[Array]) -> Judgement:
+    def __call__(
+        self, trajectory: FlatTrajectory | ShotTrajectory, parameters: list[Array], limits: list[Array]
+    ) -> Judgement:
         """Judge a trajectory for these parameters of objectives and constraints."""
         if not np.all(np.isfinite(trajectory.top)):
             return Judgement(np.nan, np.nan, np.nan)
@@ -98,11 +99,10 @@ def solve_chunk(
 
     Returns
     -------
-    One row a problem. ``time_ms`` is processor time of the thread; that of multiple shooting includes the integration
-    of the finished plan.
+    One row a problem. ``time_ms`` is processor time of the thread.
     """
     planner = planner or kept_planner(configuration, pair, **changes)
-    solve = _Shooting(planner) if isinstance(planner, ShootingPlanner) else _Flat(planner)
+    solve = _Solve(planner)
     possible = [k for k in numbers if is_possible(problems[k], mode)]
     if possible:
         # the first call pays for what is set up late
@@ -138,68 +138,36 @@ def _row(solved: bool, status: str, iterations: int, seconds: float, judgement: 
     }
 
 
-class _Flat:
+class _Solve:
     """One call of the solver behind a planner: no check, tightening or fallback helps it."""
 
-    def __init__(self, planner: Planner) -> None:
-        self._planner, self._judge = planner, Judge(planner)
-        self._binding, self._scale = Binding(planner.problem), input_scale(planner.problem)
+    def __init__(self, planner: AnyPlanner) -> None:
+        self._planner, self._form = planner, plan_form(planner.problem)
+        self._judge, self._binding = Judge(planner), Binding(planner.problem)
         self.shape = planner.problem.pieces, planner.problem.freedoms
 
     def __call__(self, instance: Instance, mode: str) -> Row:
-        guess = self._planner.cold_guess(instance.start)
-        if mode == WARM:
-            assert instance.previous is not None
-            guess = instance.previous.shifted().top / self._scale
-        return self.start_from(guess, instance, mode == COLD)
+        if mode == COLD:
+            return self.start_from(self._form.coasting(self._start(instance)), instance)
+        assert instance.previous is not None
+        if isinstance(self._planner.problem, ShootingProblem):
+            rest = self._form.rest(held_half_way(instance.previous, self._planner.problem))
+        else:
+            rest = instance.previous.shifted().top
+        return self.start_from(rest / self._form.scale, instance, cold=False)
 
     def start_from(self, guess: Array, instance: Instance, cold: bool = True) -> Row:
-        """Solve from a guess u ``(p, n)``."""
+        """Solve from a guess u ``(p, freedoms)``."""
         parameters = self._binding.objective_parameters(instance.data)
-        limits = self._binding.limit_parameters(instance.data)
+        limits, start = self._binding.limit_parameters(instance.data), self._start(instance)
         began = thread_time()
-        found = self._planner.solver.solve(instance.start, parameters, guess, cold=cold, tightening=0.0, limits=limits)
+        found = self._planner.solver.solve(start, parameters, guess, cold=cold, tightening=0.0, limits=limits)
         seconds = thread_time() - began
-        trajectory = FlatTrajectory(self._planner.problem.period, instance.start, found.variables * self._scale)
+        trajectory = self._form.trajectory(start, found.variables * self._form.scale)
         return _row(found.solved, found.status, found.iterations, seconds, self._judge(trajectory, parameters, limits))
 
-
-class _Shooting:
-    """One call of multiple shooting; a warm start holds the thrust that the recorded plan has half way."""
-
-    def __init__(self, planner: ShootingPlanner) -> None:
-        self._planner, self._vehicle = planner, planner.problem.vehicle
-
-    def __call__(self, instance: Instance, mode: str) -> Row:
-        self._planner.previous = None
-        if mode == WARM:
-            assert instance.previous is not None
-            self._planner.previous = held_half_way(instance.previous, self._vehicle, self._planner.gamma)
-        began = thread_time()
-        plan = self._planner.solve(instance.start, **instance.data)
-        seconds = thread_time() - began
-        worst = float(plan.piece_violation.max())
-        return _row(plan.solved, plan.status, plan.iterations, seconds, Judgement(plan.objective, worst, worst))
-
-
-def held_half_way(trajectory: FlatTrajectory, vehicle: Vehicle, gamma: float) -> ShootingPlan:
-    """The plan that holds, over each piece, the thrust of a flat trajectory half way, within γ of the limits."""
-    middle = trajectory.sample(3)
-    thrust = np.array(
-        [np.asarray(vehicle.inputs(*(order[i, 1] for order in middle))).ravel() for i in range(trajectory.pieces)]
-    )
-    held = np.clip(thrust / vehicle.thrust_max, -gamma, gamma)
-    return ShootingPlan(
-        thrust=held * vehicle.thrust_max,
-        knots=trajectory.knots[:, :2],
-        held=held,
-        status="solved",
-        objective=np.nan,
-        violation=0.0,
-        piece_violation=np.zeros(trajectory.pieces),
-        iterations=0,
-        solve_time=0.0,
-    )
+    def _start(self, instance: Instance) -> Array:
+        return np.asarray(self._form.start(instance.start[: self._planner.problem.joined]))
 
 
 def best_chunk(
@@ -215,7 +183,7 @@ def best_chunk(
     One row a problem: the highest objective of the trajectories that keep the true limits on the fine grid (NaN if
     none does), and how many starts led within 1e-3 of it.
     """
-    solvers = [_Flat(kept_planner(configuration, pair)) for pair in pairs]
+    solvers = [_Solve(kept_planner(configuration, pair)) for pair in pairs]
     rows = []
     for k in numbers:
         instance, found = problems[k], []

@@ -104,14 +104,17 @@ def classes(solves: list[Row]) -> list[Row]:
 
 
 def contrasts(pairs: Sequence[Pair]) -> list[tuple[Pair, Pair]]:
-    """Who is compared with whom: everybody with the first pair, and hard, exchange and soft limits with the penalty
-    that the same solver solves best (elastic).
+    """Who is compared with whom: everybody with the first pair; hard, exchange and soft limits with the penalty that
+    the same solver solves best (elastic); and trajectories by integration with flat ones under the same limits.
     """
     found = [(pair, pairs[0]) for pair in pairs[1:]]
     for pair in pairs:
         other = Pair("elastic", pair.solver)
         if pair.formulation in ("hard", "exchange", "soft") and other in pairs and (pair, other) not in found:
             found.append((pair, other))
+        if pair.formulation == "shooting":
+            flat = [one for one in pairs if one.solver == pair.solver and one.formulation in ("soft", "hard")]
+            found += [(pair, one) for one in flat[-1:] if (pair, one) not in found]
     return found
 
 

@@ -24,6 +24,7 @@ def verdict(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
         *_winners(tables, pairs),
         *(_of_pair(tables, pair, pairs[0]) for pair in pairs),
         *_hard_against_penalty(tables, pairs),
+        *integrated_against_flat(tables, pairs),
         *_nodes(tables, pairs),
         *_closed_loops(tables, pairs),
         *_at_a_distance(tables, pairs),
@@ -47,6 +48,10 @@ def _span(values: Iterable[float], form: Callable[[float], str]) -> str:
 def _share(value: float) -> str:
     # 99.96 % is not all
     return f"{math.floor(1000.0 * value) / 10.0:g} %"
+
+
+def _signed_share(value: float) -> str:
+    return f"{100.0 * value:+.3g} %"
 
 
 def _excess(value: float) -> str:
@@ -144,6 +149,26 @@ def _hard_against_penalty(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
                 f"{counts[0]}, equal in {counts[1]} and worse in {counts[2]} of {total} problems, by "
                 f"{_span(column(rows, 'objective_more'), _short)} in the mean of a set, of which {sure} of {len(rows)} "
                 f"differ from zero beyond the 95 % interval (table paired)."
+            )
+    return lines
+
+
+def integrated_against_flat(tables: Tables, pairs: Sequence[Pair]) -> list[str]:
+    """What trajectories by integration are worth beside flat ones, a sentence a pair."""
+    lines = []
+    for pair in (one for one in pairs if one.formulation == "shooting"):
+        others = [Pair(name, pair.solver).name for name in ("soft", "hard")]
+        against = [row for row in tables["paired"] if row["pair"] == pair.name and row["against"] in others]
+        for other in dict.fromkeys(row["against"] for row in against):
+            rows = [row for row in against if row["against"] == other]
+            counts = [sum(row[key] for row in rows) for key in ("better", "equal", "worse")]
+            lines.append(
+                f"Trajectories by integration beside flat ones under the same limits, {pair.name} and {other}: "
+                f"{_span(column(rows, 'times_faster'), _short)} times as fast; solved in "
+                f"{_span(column(rows, 'solved_more'), _signed_share)} more of a set; objective better in {counts[0]}, "
+                f"equal in {counts[1]} and worse in {counts[2]} of the {sum(row['both_solved'] for row in rows)} "
+                f"problems that both solved, by {_span(column(rows, 'objective_more'), _short)} in the mean of a set "
+                "(table paired)."
             )
     return lines
 
