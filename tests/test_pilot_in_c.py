@@ -315,11 +315,6 @@ def test_the_filter_in_c_remembers_what_it_is_saved_with(tmp_path):
         ("case2", "guidance.kind=static", "--pilot: guidance.kind: found static; allowed: planner"),
         (
             "case2",
-            "vehicle={follow: feedback, current: unknown}",
-            "--pilot: vehicle.current: found unknown; allowed: none",
-        ),
-        (
-            "case2",
             "planner={objective: fisher_logdet, solver: ipopt}",
             "--pilot: planner: found an objective or a limit with data",
         ),

@@ -215,7 +215,8 @@ static inline int gbt_step_of(const gbt_limit *limit, int k)
 }
 
 /* Of piece i, from its places and the lambda and sigma of their sides on: the second derivatives of the limits that look
-   at states between the steps are added to work->curvature, and those of the state at its end are work->bend. */
+   at states between the steps are added to work->curvature, and those of the state at its end are work->bend. Without places
+   the limits are left out. */
 void gbt_add_along_steps(gbt_workspace *work, int i, gbt_real (*place)[GBT_PLACE], const gbt_real *lambda,
                          const gbt_real *sigma);
 #endif

@@ -212,7 +212,8 @@ static void add(const gbt_real *entry, int entries, const int *rows, const int *
     for (int a = 0; a < entries; a++) matrix[rows[a]][columns[a]] += entry[a];
 }
 
-void gbt_bend_motion(gbt_workspace *work)
+/* The curvature of the objective alone, lower triangles. */
+static void bend_objective(gbt_workspace *work)
 {
     gbt_real entry[GBT_ENTRIES], weight[GBT_TERMS];
     for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
@@ -223,15 +224,18 @@ void gbt_bend_motion(gbt_workspace *work)
         gbt_objective.hessian(seen_by_objective(work->piece, i), work->parameters + i * GBT_END_NUMBERS, weight, entry);
         add(entry, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column,
             work->curvature[i + GBT_COST_AT_END]);
-#if GBT_STEPS == 1
-        gbt_stage_curvature(work->piece[i], work->pull[i + 1], 0, work->bend[i]);
-#else
-        gbt_real push[GBT_STEPS + 1][GBT_LAST];
-        for (int k = 0; k <= GBT_STEPS; k++)
-            for (int a = 0; a < GBT_LAST; a++) push[k][a] = k < GBT_STEPS ? 0 : work->pull[i + 1][a];
-        gbt_flow_bend(work->piece[i], work->passed[i], work->along[i], push, work->bend[i]);
-#endif
     }
+}
+
+void gbt_bend_motion(gbt_workspace *work)
+{
+    bend_objective(work);
+    for (int i = 0; i < work->pieces; i++)
+#if GBT_STEPS > 1
+        gbt_add_along_steps(work, i, 0, 0, 0);
+#else
+        gbt_stage_curvature(work->piece[i], work->pull[i + 1], 0, work->bend[i]);
+#endif
 }
 
 /* Only the lower triangles. */
@@ -239,16 +243,9 @@ void gbt_assemble(gbt_workspace *work)
 {
     gbt_real entry[GBT_ENTRIES], weights[2 * GBT_ROWS], (*place)[GBT_PLACE] = work->place;
     const gbt_real *lambda = work->lambda, *sigma = work->sigma, *jacobian = work->jacobian;
-    gbt_real weight[GBT_TERMS];
 
-    for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
-    for (int i = 0; i <= work->pieces; i++)
-        for (int a = 0; a < GBT_PIECE; a++)
-            for (int c = 0; c <= a; c++) work->curvature[i][a][c] = 0;
+    bend_objective(work);
     for (int i = 0; i < work->pieces; i++) {
-        gbt_objective.hessian(seen_by_objective(work->piece, i), work->parameters + i * GBT_END_NUMBERS, weight, entry);
-        add(entry, gbt_objective.hessian_entries, gbt_objective.hessian_row, gbt_objective.hessian_column,
-            work->curvature[i + GBT_COST_AT_END]);
 #if GBT_STEPS > 1
         gbt_add_along_steps(work, i, place, lambda, sigma);
 #else

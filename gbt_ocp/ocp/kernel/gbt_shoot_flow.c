@@ -135,7 +135,7 @@ static void add_nodes(int step, gbt_real (*place)[GBT_PLACE], const gbt_real *la
                       gbt_real matrix[GBT_PIECE][GBT_PIECE], gbt_real *push)
 {
     gbt_real weights[2 * GBT_ROWS], slopes[GBT_ROWS * GBT_PIECE], entry[GBT_ENTRIES];
-    for (int q = 0; q < GBT_LIMITS; q++) {
+    for (int q = 0; q < GBT_LIMITS && place; q++) {
         const gbt_limit *limit = &gbt_limits[q];
         for (int k = 0; k < limit->nodes; k++, place++, lambda += limit->sides, sigma += limit->sides) {
             if (!limit->moved || gbt_step_of(limit, k) != step) continue;
