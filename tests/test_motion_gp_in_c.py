@@ -166,7 +166,9 @@ def test_a_lost_track_is_begun_again_when_it_is_in_numpy():
 
 
 def test_the_pilot_goes_on_from_what_was_saved(tmp_path):
-    pilot = gbt.Pilot(gbt.load_config("sea2d", ["tracker.kind=motion_gp", "tracker.engine=compiled", "guidance.kind=random"]))
+    pilot = gbt.Pilot(
+        gbt.load_config("sea2d", ["tracker.kind=motion_gp", "tracker.engine=compiled", "guidance.kind=random"])
+    )
     rng = np.random.default_rng(0)
 
     def step(one, time, value):
