@@ -216,7 +216,7 @@ def test_pings_make_a_run_better(kind):
 
 def test_a_sensor_whose_noise_is_known_is_no_reason_for_a_warning():
     """The tracker's own noise is 0.1°, that of the listed sensor 8°; as the only `sensor` it is warned of."""
-    settings = ["duration_s=6", "guidance.kind=static", "tracker.kind=ekf"]
+    settings = ["duration_s=6", "guidance.kind=static", "tracker.kind=ekf", "tracker.bearing_std_deg=0.1"]
     for sensor, warned in (([{**SONAR, "noise_deg": 8.0}], False), ({"noise_deg": 8.0}, True)):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
