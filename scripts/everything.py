@@ -139,6 +139,10 @@ BENCHMARKS = (
         *("sea2d", "sea3d", "--effort", "0", "0.1", "0.3", "--seeds", "20", "--out", f"{OUT}/runs"),
         name="sea_effort",
     ),
+    benchmark("sea_recorded", TRACKS, "--seeds", "4", "--duration", "120", "--out", f"{OUT}/runs"),
+    benchmark(
+        "sea_water", *("current", "vehicles", "setpoints", "--seeds", "20", "--duration", "120", "--out", f"{OUT}/runs")
+    ),
     benchmark(
         "sea_closed_loop",
         *("sea2d", "sea3d", "sea2d_speed", "sea3d_speed", "--seeds", "20", "--out", f"{OUT}/sea"),

@@ -6,6 +6,7 @@ import tempfile
 import types
 from importlib.metadata import version
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
@@ -17,6 +18,7 @@ class Result:
     """A finished run in place of the simulation."""
 
     undrawable = False
+    others: ClassVar = {}
     clipped = 0
 
     def __init__(self, configuration, violation=0.0):

@@ -22,8 +22,8 @@ SMALL = "{bin_s: 1.0, window_s: 12.0, turn_rate_std: [0.03], turn_time_s: [10.0]
 PILOTS = {
     "ekf": ("case2", ["tracker.kind=ekf", "sensor.noise_deg=0.5"], 40_000),
     "gp": ("case5", ["tracker.window=6"], 30_000),
-    "motion_gp in the plane": ("sea2d", [f"tracker={SMALL}"], 25_000),
-    "motion_gp in space": ("sea3d", [f"tracker={SMALL}"], 5_000),
+    "motion_gp in the plane": ("sea2d", ["tracker.kind=motion_gp", f"tracker={SMALL}"], 25_000),
+    "motion_gp in space": ("sea3d", ["tracker.kind=motion_gp", f"tracker={SMALL}"], 5_000),
 }
 """Configuration of each, and the sequences that it is given."""
 

@@ -22,6 +22,7 @@ LONGEST = os.pathconf("/tmp", "PC_NAME_MAX") if os.name == "posix" else 255
 class Result:
     """A finished run in place of the simulation."""
 
+    others: ClassVar = {}
     summary: ClassVar = {"violation_max": 0.0, "retries": {"clipped": 0}}
 
     def save(self, folder, figures):

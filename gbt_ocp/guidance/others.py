@@ -15,7 +15,6 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from gbt_ocp.guidance.current import Current
 from gbt_ocp.guidance.objectives import NEAR
@@ -47,7 +46,9 @@ class SaidPath:
     places: Array
 
     @cached_property
-    def _spline(self) -> CubicSpline:
+    def _spline(self) -> Any:
+        from scipy.interpolate import CubicSpline  # which takes long to load
+
         return CubicSpline(self.step * np.arange(len(self.places)), self.places)
 
     def at(self, times: ArrayLike) -> Array:

@@ -9,7 +9,7 @@
 GBT_BEGIN_C
 
 #define GBT_ROWS_OF_WINDOW (GBT_WINDOW * GBT_AXES + GBT_DIMENSION) /* two bearings in space have two rows; and the prior */
-#define GBT_PACKED GBT_ROW(GBT_ROWS_OF_WINDOW) /* entries of the lower triangle of a matrix of the rows */
+#define GBT_PACKED GBT_ROW_BEGIN(GBT_ROWS_OF_WINDOW) /* entries of the lower triangle of a matrix of the rows */
 #define GBT_TUNABLE (GBT_SHAPES + 1 + GBT_TUNED_NUGGET) /* logarithms: the kernel's parameters, amplitude(, nugget) */
 
 /* What a window says: rows direction . position = value + noise. */

@@ -117,9 +117,9 @@ void gbt_covariance_root(const gbt_real *covariance, int n, gbt_real *l)
 int gbt_factor_lower(gbt_real *lower, int n)
 {
     for (int i = 0; i < n; i++) {
-        gbt_real *row = &lower[GBT_ROW(i)], rest;
+        gbt_real *row = &lower[GBT_ROW_BEGIN(i)], rest;
         for (int j = 0; j < i; j++) {
-            const gbt_real *above = &lower[GBT_ROW(j)];
+            const gbt_real *above = &lower[GBT_ROW_BEGIN(j)];
             rest = row[j];
             for (int k = 0; k < j; k++) rest -= row[k] * above[k];
             row[j] = rest / above[j];
@@ -135,7 +135,7 @@ int gbt_factor_lower(gbt_real *lower, int n)
 void gbt_solve_lower(const gbt_real *lower, int n, gbt_real *x)
 {
     for (int i = 0; i < n; i++) {
-        const gbt_real *row = &lower[GBT_ROW(i)];
+        const gbt_real *row = &lower[GBT_ROW_BEGIN(i)];
         for (int k = 0; k < i; k++) x[i] -= row[k] * x[k];
         x[i] /= row[i];
     }
@@ -144,7 +144,7 @@ void gbt_solve_lower(const gbt_real *lower, int n, gbt_real *x)
 void gbt_solve_upper(const gbt_real *lower, int n, gbt_real *x)
 {
     for (int i = n - 1; i >= 0; i--) {
-        const gbt_real *row = &lower[GBT_ROW(i)];
+        const gbt_real *row = &lower[GBT_ROW_BEGIN(i)];
         x[i] /= row[i];
         for (int k = 0; k < i; k++) x[k] -= row[k] * x[i];
     }

@@ -39,7 +39,7 @@ static gbt_real speed_std(const gbt_shape_prior *prior, int point) { return prio
 static gbt_real turn_rate(const gbt_shape_prior *prior, const gbt_motion *motion, int ahead, int knot)
 {
     const int row = fast_row(ahead, knot);
-    const gbt_real *factor = &turn_factor(prior, motion->point)[GBT_ROW(row)];
+    const gbt_real *factor = &turn_factor(prior, motion->point)[GBT_ROW_BEGIN(row)];
     gbt_real sum = 0;
     for (int m = 0; m <= row && m < GBT_FAST; m++) sum += factor[m] * motion->white[fast_at(m)];
     return turn_std(prior, motion->point) * sum;
@@ -49,7 +49,7 @@ static gbt_real slow_change(const gbt_real *factor, const gbt_motion *motion, in
 {
     const int row = slow_row(ahead, knot);
     gbt_real sum = 0;
-    for (int m = 0; m <= row && m < GBT_SLOW; m++) sum += factor[GBT_ROW(row) + m] * motion->white[slow_at(m + 1, climb)];
+    for (int m = 0; m <= row && m < GBT_SLOW; m++) sum += factor[GBT_ROW_BEGIN(row) + m] * motion->white[slow_at(m + 1, climb)];
     return sum;
 }
 
@@ -91,8 +91,8 @@ static void slow_slopes(const gbt_course *course, const gbt_real *factor, gbt_re
     const gbt_real share = (gbt_real)(course->node % KNOT_OF_SLOW) / KNOT_OF_SLOW;
     const int row = slow_row(course->ahead, slow), after = share > 0 ? slow_row(course->ahead, slow + 1) : row;
     for (int m = 0; m <= after || m <= row; m++) {
-        const gbt_real first = m <= row ? factor[GBT_ROW(row) + m] : 0;
-        const gbt_real value = share > 0 ? (1 - share) * first + share * factor[GBT_ROW(after) + m] : first;
+        const gbt_real first = m <= row ? factor[GBT_ROW_BEGIN(row) + m] : 0;
+        const gbt_real value = share > 0 ? (1 - share) * first + share * factor[GBT_ROW_BEGIN(after) + m] : first;
         for (int i = 0; i < D; i++) rates[i][slow_at(m + 1, climb)] = along[i] * (deviation * value);
     }
 }
@@ -122,8 +122,8 @@ static int turn_row(const gbt_course *course, const gbt_real *factor, gbt_real *
     const gbt_real share = (gbt_real)between / GBT_KNOT_NODES;
     const int first = fast_row(course->ahead, knot), last = between ? fast_row(course->ahead, knot + 1) : first;
     for (int m = 0; m <= last; m++) {
-        const gbt_real value = m <= first ? factor[GBT_ROW(first) + m] : 0;
-        row[m] = between ? (1 - share) * value + share * factor[GBT_ROW(last) + m] : value;
+        const gbt_real value = m <= first ? factor[GBT_ROW_BEGIN(first) + m] : 0;
+        row[m] = between ? (1 - share) * value + share * factor[GBT_ROW_BEGIN(last) + m] : value;
     }
     return last + 1;
 }
@@ -232,8 +232,8 @@ static void whiten(const gbt_real *factor, gbt_real *values, int count, gbt_real
 {
     for (int i = 0; i < count; i++) {
         gbt_real rest = values[i] / deviation;
-        for (int m = 0; m < i; m++) rest -= factor[GBT_ROW(i) + m] * values[m];
-        values[i] = rest / factor[GBT_ROW(i) + i];
+        for (int m = 0; m < i; m++) rest -= factor[GBT_ROW_BEGIN(i) + m] * values[m];
+        values[i] = rest / factor[GBT_ROW_BEGIN(i) + i];
     }
 }
 

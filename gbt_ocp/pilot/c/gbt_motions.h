@@ -37,8 +37,8 @@ typedef struct {
     gbt_real climb_std, climb_change_std;         /* of the climb angle and its change, rad; not read in the plane */
     gbt_real turn_std[GBT_TURN_STDS], speed_std[GBT_SPEED_STDS]; /* the grid: rad/s, and of the change of log speed */
     /* lower triangles, row by row: factors of the covariances of the knots, of deviation 1, the past first */
-    gbt_real turn_factor[GBT_TURN_TIMES][GBT_ROW(GBT_FAST_ALL)];
-    gbt_real speed_factor[GBT_ROW(GBT_SLOW_ALL)], climb_factor[GBT_ROW(GBT_SLOW_ALL)];
+    gbt_real turn_factor[GBT_TURN_TIMES][GBT_ROW_BEGIN(GBT_FAST_ALL)];
+    gbt_real speed_factor[GBT_ROW_BEGIN(GBT_SLOW_ALL)], climb_factor[GBT_ROW_BEGIN(GBT_SLOW_ALL)];
 } gbt_shape_prior;
 
 typedef struct {

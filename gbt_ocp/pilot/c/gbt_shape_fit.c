@@ -49,7 +49,7 @@ static void newton(gbt_walk *on, const gbt_shape_prior *prior, gbt_fitted *fitte
     gbt_solve_upper(normal->precision, N, fitted->step);
     for (int j = 0; j < N; j++) {
         fitted->decrement += fitted->step[j] * gradient[j];
-        fitted->log_determinant += 2 * gbt_log(normal->precision[GBT_ROW(j) + j]);
+        fitted->log_determinant += 2 * gbt_log(normal->precision[GBT_ROW_BEGIN(j) + j]);
         gradient[j] = j == 0;
     }
     const gbt_real factor = shortening(prior, fitted->step);

@@ -68,7 +68,7 @@ void gbt_see(const gbt_shape_prior *prior, const gbt_shape_noise *noise, const g
         for (int j = 0; j < D; j++) seen->position[k][j] = known->position[k][j] - own[j];
         add_spot(prior, seen, known->time[k] - now, GBT_SEES_KNOWN, k);
     }
-    for (int k = 0; k < GBT_ROW(seen->known * D); k++) seen->root[k] = known->root[k];
+    for (int k = 0; k < GBT_ROW_BEGIN(seen->known * D); k++) seen->root[k] = known->root[k];
 }
 
 /* ---- rows ---- */
@@ -78,7 +78,7 @@ static void add_row(gbt_normal *normal, const gbt_real *slopes, int active, gbt_
 {
     for (int i = 0; i < active; i++) {
         const gbt_real one = sign * slopes[i];
-        gbt_real *row = &normal->precision[GBT_ROW(i)];
+        gbt_real *row = &normal->precision[GBT_ROW_BEGIN(i)];
         for (int j = 0; j <= i; j++) row[j] += one * slopes[j];
         normal->gradient[i] += one * residual;
     }
@@ -188,7 +188,7 @@ static void see_all(gbt_walk *on)
     const gbt_seen *seen = on->seen;
     gbt_real slopes[N];
     for (int r = 0; r < seen->known * D; r++) {
-        const gbt_real *root = &seen->root[GBT_ROW(r)];
+        const gbt_real *root = &seen->root[GBT_ROW_BEGIN(r)];
         gbt_real residual = 0;
         for (int j = 0; j < N; j++) slopes[j] = 0;
         for (int q = 0; q <= r; q++) {
@@ -219,9 +219,9 @@ void gbt_walk_along(gbt_walk *on, const gbt_shape_prior *prior, const gbt_motion
         on->objective += motion->white[j] * motion->white[j];
     }
     if (on->normal) {
-        for (int j = 0; j < GBT_ROW(N); j++) on->normal->precision[j] = 0;
+        for (int j = 0; j < GBT_ROW_BEGIN(N); j++) on->normal->precision[j] = 0;
         for (int j = 0; j < N; j++) {
-            on->normal->precision[GBT_ROW(j) + j] = 1;
+            on->normal->precision[GBT_ROW_BEGIN(j) + j] = 1;
             on->normal->gradient[j] = -motion->white[j];
         }
     }

@@ -35,7 +35,7 @@ typedef struct {
     gbt_real time[GBT_BINS], bearing[GBT_BINS][GBT_DIMENSION], own[GBT_BINS][GBT_DIMENSION], count[GBT_BINS];
     gbt_real white; /* variance of a single bearing, rad^2 */
     gbt_real position[2][GBT_DIMENSION];                /* known beforehand, m */
-    gbt_real root[GBT_ROW(2 * GBT_DIMENSION)];          /* lower triangle, its square the inverse of their covariance */
+    gbt_real root[GBT_ROW_BEGIN(2 * GBT_DIMENSION)];          /* lower triangle, its square the inverse of their covariance */
     gbt_sighting other[GBT_OTHERS];
     gbt_real deviation[GBT_OTHERS], shared[GBT_OTHERS]; /* of logarithms and angles; shares of it that are the true size's */
     gbt_real shared_square, others_log_determinant;
@@ -44,7 +44,7 @@ typedef struct {
 
 /* Normal equations of a motion. */
 typedef struct {
-    gbt_real precision[GBT_ROW(GBT_COORDINATES)]; /* lower triangle, or its factor */
+    gbt_real precision[GBT_ROW_BEGIN(GBT_COORDINATES)]; /* lower triangle, or its factor */
     gbt_real gradient[GBT_COORDINATES];
 } gbt_normal;
 

@@ -6,14 +6,14 @@
 
 int gbt_precision_root(const gbt_real *covariance, int n, gbt_real factor, gbt_real *root)
 {
-    gbt_real lower[GBT_ROW(GBT_BOTH)], column[GBT_BOTH];
+    gbt_real lower[GBT_ROW_BEGIN(GBT_BOTH)], column[GBT_BOTH];
     for (int i = 0; i < n; i++)
-        for (int j = 0; j <= i; j++) lower[GBT_ROW(i) + j] = covariance[i * n + j];
+        for (int j = 0; j <= i; j++) lower[GBT_ROW_BEGIN(i) + j] = covariance[i * n + j];
     if (!gbt_factor_lower(lower, n)) return 0;
     for (int j = 0; j < n; j++) {
         for (int i = 0; i < n; i++) column[i] = i == j;
         gbt_solve_lower(lower, n, column);
-        for (int i = j; i < n; i++) root[GBT_ROW(i) + j] = column[i] / factor;
+        for (int i = j; i < n; i++) root[GBT_ROW_BEGIN(i) + j] = column[i] / factor;
     }
     return 1;
 }
@@ -43,6 +43,6 @@ int gbt_memory_recall(gbt_track_memory *memory, double begins, double now, doubl
         known->time[k] = memory->kept[0].now - k * between;
         for (int j = 0; j < GBT_DIMENSION; j++) known->position[k][j] = memory->kept[0].position[k][j];
     }
-    for (int k = 0; k < GBT_ROW(GBT_BOTH); k++) known->root[k] = memory->kept[0].root[k];
+    for (int k = 0; k < GBT_ROW_BEGIN(GBT_BOTH); k++) known->root[k] = memory->kept[0].root[k];
     return 1;
 }

@@ -16,14 +16,14 @@ typedef struct {
     int count;                         /* 0, 1 or 2 */
     double time[2];                    /* s */
     gbt_real position[2][GBT_DIMENSION]; /* m */
-    gbt_real root[GBT_ROW(GBT_BOTH)];  /* lower triangle A with A'A the inverse of their joint covariance, 1/m */
+    gbt_real root[GBT_ROW_BEGIN(GBT_BOTH)];  /* lower triangle A with A'A the inverse of their joint covariance, 1/m */
 } gbt_known;
 
 typedef struct {
     int count; /* posteriors that are kept, the oldest first */
     struct {
         double now; /* time of the estimate; the positions are those at this time and a node before */
-        gbt_real position[2][GBT_DIMENSION], root[GBT_ROW(GBT_BOTH)];
+        gbt_real position[2][GBT_DIMENSION], root[GBT_ROW_BEGIN(GBT_BOTH)];
     } kept[GBT_MEMORIES];
 } gbt_track_memory;
 
