@@ -21,7 +21,7 @@ void gbt_trajectory_at(const gbt_follower *plan, double seconds, gbt_real deriva
     gbt_taylor((gbt_real)(seconds - number * (double)GBT_PERIOD), power);
     for (int o = 0; o < GBT_DERIVATIVES; o++)
         for (int j = 0; j < GBT_FLAT; j++) {
-            derivatives[o][j] = piece[GBT_ROW_BEGIN(o)][j];
-            for (int k = 1; o + k < GBT_DERIVATIVES; k++) derivatives[o][j] += power[k] * piece[GBT_ROW_BEGIN(o + k)][j];
+            derivatives[o][j] = piece[GBT_ROW(o)][j];
+            for (int k = 1; o + k < GBT_DERIVATIVES; k++) derivatives[o][j] += power[k] * piece[GBT_ROW(o + k)][j];
         }
 }
