@@ -4,7 +4,7 @@
 
 #define D GBT_DIMENSION
 #define R GBT_ROWS_OF_WINDOW
-#define ROW GBT_ROW
+#define ROW GBT_ROW_BEGIN
 #define SMALLEST_NUGGET ((gbt_real)1e-17)
 #define LARGEST_NUGGET ((gbt_real)1e-2)
 

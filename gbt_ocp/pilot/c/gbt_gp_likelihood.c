@@ -4,7 +4,7 @@
 #include "gbt_math.h"
 
 #define R GBT_ROWS_OF_WINDOW
-#define ROW GBT_ROW
+#define ROW GBT_ROW_BEGIN
 #define P GBT_TUNABLE
 #define SLOPES (GBT_SHAPES + GBT_TUNED_NUGGET + 1) /* shapes, nugget, the rows' own variances */
 #define EVALUATIONS 40                             /* most expansions of the likelihood in one search */
