@@ -95,6 +95,7 @@ def test_best_known_solutions_are_not_beaten_by_what_keeps_the_limits(done):
             assert float(row["violation_between"]) <= 1e-6
 
 
+@pytest.mark.long
 def test_the_report_shows_the_tables_and_the_verdict(done):
     text = (done.folder / "report.md").read_text(encoding="utf-8")
     assert (done.folder / "verdict.txt").read_text(encoding="utf-8").splitlines() == done.verdict
