@@ -68,7 +68,7 @@ SMALL = "{window_s: 12.0, bin_s: 1.0, turn_rate_std: [0.03], turn_time_s: [10.0]
 TRACKERS = {
     "ekf": ("case2", ["tracker.kind=ekf", "sensor.noise_deg=0.5"], 1e-3),
     "gp": ("case2", [], 0.2),
-    "motion_gp": ("sea2d", [f"tracker={SMALL}"], 0.02),
+    "motion_gp": ("sea2d", ["tracker.kind=motion_gp", f"tracker={SMALL}"], 0.02),
 }
 """Configuration of each, and how far float may be from double, over the range. That of gp takes bearings for exact,
 which floats are not, and sees little of the range here."""

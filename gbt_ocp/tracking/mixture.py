@@ -225,7 +225,10 @@ class MixtureTracker(RestartingTracker):
         return Forecast(self._own + mean, covariance)
 
     def hypotheses_at(self, times: ArrayLike) -> WeighedForecasts:
-        """What each hypothesis of each model predicts, at times ``(K,)`` that are not past."""
+        """What each hypothesis of each model predicts, at times ``(K,)`` that are not past.
+
+        Where a range is told, their mean and covariance are those of :meth:`predict`.
+        """
         at = np.atleast_1d(np.asarray(times, dtype=float))
         found = []
         for weight, part in zip(*self._counted[1:], strict=True):

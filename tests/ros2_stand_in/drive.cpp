@@ -48,7 +48,7 @@ gbt_pilot beside;  // the pilot in C, called as its header says
 
 void go_on_from(gbt_pilot & pilot, const gbt_real * plan)
 {
-  std::memcpy(pilot.guidance.planner.previous, plan, sizeof pilot.guidance.planner.previous);
+  std::memcpy(pilot.guidance.room.planner.previous, plan, sizeof pilot.guidance.room.planner.previous);
   std::memcpy(pilot.guidance.follower.top, plan, sizeof pilot.guidance.follower.top);
 }
 

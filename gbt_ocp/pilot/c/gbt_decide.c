@@ -23,7 +23,7 @@ const gbt_own_state *gbt_latest(const gbt_pilot *pilot)
     return pilot->own.count > 0 ? &pilot->own.state[pilot->own.count - 1] : 0;
 }
 
-gbt_real gbt_flow(const gbt_pilot *pilot, int j)
+gbt_real gbt_water(const gbt_pilot *pilot, int j)
 {
 #if GBT_CURRENT
     return j < D ? pilot->current.planned_for[j] : 0;
@@ -71,7 +71,7 @@ void gbt_carry_on(const gbt_pilot *pilot, const gbt_own_state *own, double time,
     gbt_trajectory_at(&pilot->guidance.follower, since, then);
     gbt_trajectory_at(&pilot->guidance.follower, since + time - last->time, now);
     for (int j = 0; j < GBT_FLAT; j++) {
-        z[j] += now[0][j] - then[0][j] + gbt_flow(pilot, j) * (gbt_real)(time - last->time);
+        z[j] += now[0][j] - then[0][j] + gbt_water(pilot, j) * (gbt_real)(time - last->time);
         dz[j] += now[1][j] - then[1][j];
     }
 }
@@ -95,8 +95,8 @@ static void flat_of(const gbt_pilot *pilot, double time, const gbt_real *z, cons
         gbt_trajectory_at(plan, through, planned);
         for (int j = 0; j < GBT_FLAT; j++) {
             if (j < D) planned[0][j] += plan->start[0][j];
-            planned[0][j] += gbt_flow(pilot, j) * (gbt_real)through;
-            planned[1][j] += gbt_flow(pilot, j);
+            planned[0][j] += gbt_water(pilot, j) * (gbt_real)through;
+            planned[1][j] += gbt_water(pilot, j);
             off = gbt_fmax(off, gbt_fmax(gbt_fabs(planned[0][j] - z[j]), gbt_fabs(planned[1][j] - dz[j])));
         }
         for (int a = 0; off <= ON_PLAN && a < GBT_MOTION; a++)

@@ -20,7 +20,7 @@ void gbt_carry_on(const gbt_pilot *pilot, const gbt_own_state *own, double time,
 int gbt_decide(gbt_pilot *pilot, double time, const gbt_real *z, const gbt_real *dz);
 
 /* Number j of the velocity of the water for which the plan that is followed was made; 0 of an angle, and in still water. */
-gbt_real gbt_flow(const gbt_pilot *pilot, int j);
+gbt_real gbt_water(const gbt_pilot *pilot, int j);
 
 GBT_END_C
 

@@ -42,18 +42,24 @@ static gbt_received answered(gbt_pilot *pilot, gbt_received word)
 double gbt_pilot_waypoint(const gbt_pilot *pilot, int after, gbt_setpoint *waypoint)
 {
     static const gbt_setpoint nothing;
+    *waypoint = nothing;
+    waypoint->status = GBT_FOLLOW_NO_PLAN;
+#if GBT_SHOOTING /* inputs are what its plans are made of, as in Python */
+    (void)pilot;
+    (void)after;
+    return NAN;
+#else
     const gbt_guidance *guidance = &pilot->guidance;
     const double period = (double)GBT_PERIOD, began = pilot->decided_at - guidance->elapsed;
     gbt_real water[D];
-    *waypoint = nothing;
-    waypoint->status = GBT_FOLLOW_NO_PLAN;
     if (!pilot->commanded || !pilot->following || after < 0) return NAN;
     const double end = floor((pilot->last.time - began) / period + 1e-9) + 1 + after;
     if (!(end <= GBT_PIECES)) return NAN;
-    for (int j = 0; j < D; j++) water[j] = gbt_flow(pilot, j);
+    for (int j = 0; j < D; j++) water[j] = gbt_water(pilot, j);
     gbt_follow_setpoint(&guidance->follower, (gbt_real)(end * period), water, waypoint);
     gbt_origin_give(pilot, waypoint->z);
     return began + end * period;
+#endif
 }
 
 /* ---- inputs ---- */
@@ -219,10 +225,10 @@ static void follow(gbt_pilot *pilot, double hold, const gbt_real *z, const gbt_r
     gbt_trajectory_at(&guidance->follower, now + hold / 2, later);
     for (int j = 0; j < GBT_FLAT; j++) {
         /* plan and vehicle are compared in the frame of the water */
-        through[0][j] = z[j] - (gbt_real)now * gbt_flow(pilot, j);
-        through[1][j] = dz[j] - gbt_flow(pilot, j);
+        through[0][j] = z[j] - (gbt_real)now * gbt_water(pilot, j);
+        through[1][j] = dz[j] - gbt_water(pilot, j);
         own[j] = j < D ? through[0][j] - guidance->follower.start[0][j] : z[j];
-        if (j < D) water[j] = gbt_flow(pilot, j);
+        if (j < D) water[j] = gbt_water(pilot, j);
     }
     gbt_follow_points(guidance->follower.bandwidth, &at[0][0], &later[0][0], own, through[0], through[1], &followed);
     for (int i = 0; i < GBT_INPUTS; i++) command->thrust[i] = followed.thrust[i];
