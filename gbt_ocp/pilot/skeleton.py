@@ -50,7 +50,10 @@ def _slots(kind: Any) -> tuple[str, ...]:
 
 
 def _is_frozen(kind: Any) -> bool:
-    """Whether a kind is a frozen dataclass."""
+    """Whether a kind is a frozen dataclass, or a frozen model of pydantic."""
+    of_pydantic = getattr(kind, "model_config", None)
+    if isinstance(of_pydantic, dict) and of_pydantic.get("frozen"):
+        return True
     return bool(getattr(getattr(kind, "__dataclass_params__", None), "frozen", False))
 
 
@@ -82,6 +85,7 @@ class Skeleton:
         self._objects: dict[str, Any] = {}
         self._places: dict[int, str] = {}
         self._remembering: dict[str, Any] = {}
+        self._changing: list[tuple[str, Any]] = []
 
     def explore(self, root: Any) -> None:
         """Note all objects below a root, which may hold the skeleton itself. They have seen nothing yet."""
@@ -101,6 +105,7 @@ class Skeleton:
                 self._objects[place], self._places[id(one)] = one, place
                 reached.extend((f"{place}.{name}", value) for name, value in _held(one))
         self._remembering = {place: one for place, one in self._objects.items() if not _is_fixed(one)}
+        self._changing = [(place, one) for place, one in self._remembering.items() if not _is_frozen(type(one))]
 
     def remembered(self) -> dict[str, dict[str, Any]]:
         """A copy of what the objects remember now, by their places.
@@ -108,8 +113,7 @@ class Skeleton:
         Arrays that stand in containers, and frozen objects, are not copied: they are taken as what is never written to.
         """
         known: dict[int, Any] = {}
-        changing = ((place, one) for place, one in self._remembering.items() if not _is_frozen(type(one)))
-        return {place: self._copied(_attributes(one), known) for place, one in changing}
+        return {place: self._copied(_attributes(one), known) for place, one in self._changing}
 
     def remember(self, memory: dict[str, dict[str, Any]]) -> None:
         """Have the objects remember a copy of what :meth:`remembered` gave."""
