@@ -481,3 +481,17 @@ def test_memory_of_other_parts_is_refused():
     other.explore(Slotted())
     with pytest.raises(ValueError, match="memory: found"):
         other.put_back(one.taken())
+
+
+def test_a_step_on_time_may_end_in_the_next_piece_of_the_plan():
+    """A period after a decision that was made shortly before the end of a piece, the vehicle exactly on its plan."""
+    pilot = gbt.Pilot("sea2d", overrides=["guidance.startup_deviation=0", "tracker.kind=motion_gp"])
+    pilot.navigate(0.0, np.zeros(3), np.zeros(3))
+    plan = pilot.command(0.0).plan
+    for time in (0.95, 1.05):
+        z, dz = plan.trajectory(time), plan.trajectory(time, 1)
+        pilot.navigate(time, z, earth_rates(-z, dz, 2))
+        command = pilot.command(time)
+    assert command.health.planner
+    np.testing.assert_allclose(plan.trajectory.after(0.95, 0.1), [plan.trajectory(1.05, k) for k in (0, 1)], atol=1e-12)
+    np.testing.assert_allclose(plan.trajectory.after(0.5, 0.1), [plan.trajectory(0.6, k) for k in (0, 1)], atol=1e-12)

@@ -242,6 +242,12 @@ class FlatTrajectory:
         joined = len(self.start)
         return FlatTrajectory(duration, np.array(derivatives[:joined]), np.concatenate(derivatives[joined:])[None])
 
+    def after(self, begin: float, duration: float) -> Array:
+        """The continuous derivatives ``(k+1, n)`` so many seconds after ``begin``, in whatever piece that is."""
+        if (begin / self.period + 1e-9) % 1.0 * self.period + duration <= self.period * (1.0 + 1e-9):
+            return np.asarray(self.segment(begin, duration).knots[1])
+        return np.array([self(begin + duration, order) for order in range(len(self.start))])
+
     def moving(self, velocity: ArrayLike) -> FlatTrajectory:
         """The same motion as a frame sees it that moves with ``-velocity`` ``(d,)`` in m/s: z gains ``velocity t``."""
         start = self.start.copy()

@@ -219,7 +219,7 @@ class Piloting:
             return measured
         trajectory, elapsed, since = before.decision.trajectory, before.decision.elapsed, time - before.time
         if abs(since - self.parts.period) <= ON_SCHEDULE:
-            planned: Array = trajectory.segment(elapsed, self.parts.period).knots[1]
+            planned = trajectory.after(elapsed, self.parts.period)
             if np.abs(planned[:2] - measured[:2]).max() <= ON_PLAN:
                 return planned
         for order in range(2, self._joined):
