@@ -71,6 +71,11 @@ def _keeps(one: Any) -> bool:
     return _stays(kind)
 
 
+def _keeps_all(some: Any) -> bool:
+    """Whether none of what a container holds is copied; it mostly holds many of one kind."""
+    return all([_stays(kind) for kind in set(map(type, some))])
+
+
 def _attributes(one: Any) -> dict[str, Any]:
     """What an object holds, by name."""
     kind: Any = type(one)
@@ -134,7 +139,7 @@ class Skeleton:
                 for name, item in one.items()
             }
         elif kind in (list, deque, set, tuple):
-            if not all(map(_keeps, one)):
+            if not _keeps_all(one):
                 items = [self._copied(item, known) for item in one]
                 made = deque(items, one.maxlen) if kind is deque else kind(items)
             elif kind is not tuple:
@@ -147,7 +152,7 @@ class Skeleton:
     def _copied_object(self, one: Any, known: dict[int, Any]) -> Any:
         kind: Any = type(one)
         if isinstance(one, tuple) and hasattr(kind, "_make"):
-            if all(map(_keeps, one)):
+            if _keeps_all(one):
                 return one
             return kind._make(self._copied(item, known) for item in one)
         if isinstance(one, np.random.Generator | dict | list | set | deque):
