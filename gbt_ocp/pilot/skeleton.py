@@ -73,7 +73,7 @@ def _keeps(one: Any) -> bool:
 
 def _keeps_all(some: Any) -> bool:
     """Whether none of what a container holds is copied; it mostly holds many of one kind."""
-    return all([_stays(kind) for kind in set(map(type, some))])
+    return all(_stays(kind) for kind in set(map(type, some)))
 
 
 def _attributes(one: Any) -> dict[str, Any]:
