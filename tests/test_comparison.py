@@ -441,5 +441,6 @@ def test_shooting_takes_the_limits_at_sea_with_both_solvers():
     assert len(both) >= 2, "IPOPT may meet a number that is not finite far from the vehicle"
     for mine, other in both:
         assert mine["violation_nodes"] < 0.01
-        assert mine["objective"] == pytest.approx(other["objective"], abs=0.02)
+        # not convex: each may end in another plan that is about as good
+        assert mine["objective"] == pytest.approx(other["objective"], abs=0.05)
         assert {"violation_thrust", "violation_certain", "violation_believed"} <= set(mine)
