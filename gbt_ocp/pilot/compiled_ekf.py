@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from gbt_ocp.models.measurements import MeasurementKind, Sighting
 from gbt_ocp.ocp.codegen.library import load_library
 from gbt_ocp.pilot.pilot_source import UNLISTED
-from gbt_ocp.pilot.tracker_source import TrackerInC
+from gbt_ocp.pilot.tracker_source import TrackerInC, called
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
 from gbt_ocp.tracking.filters.motion_models import size_estimate
 from gbt_ocp.tracking.polar import checked_sighting, is_bearing
@@ -63,9 +63,7 @@ class CompiledExtendedKalmanFilter(ExtendedKalmanFilter):
 
     def _call(self, name: str, *arrays: Any) -> int:
         """A function of the library on the memory and the settings."""
-        given = [ctypes.c_void_p(one.ctypes.data) if isinstance(one, np.ndarray) else one for one in arrays]
-        memory, numbers = (ctypes.c_void_p(one.ctypes.data) for one in (self._memory, self._numbers))
-        return int(getattr(self._library, f"gbt_ekf_{name}")(memory, numbers, *given) or 0)
+        return called(getattr(self._library, f"gbt_ekf_{name}"), self._memory, self._numbers, *arrays)
 
     @property
     def _state(self) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.ocp.codegen.library import load_library
-from gbt_ocp.pilot.tracker_source import laid_out, tracker_in_c
+from gbt_ocp.pilot.tracker_source import called, laid_out, tracker_in_c
 from gbt_ocp.tracking.gp.breaks import Break
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.priors import PositionPrior
@@ -76,10 +76,7 @@ class CompiledGaussianProcessTracker(GaussianProcessTracker):
 
     def _call(self, name: str, *given: Any) -> int:
         """A function of the library on the memory and the settings."""
-        kept = [np.ascontiguousarray(one, dtype=float) if isinstance(one, np.ndarray) else one for one in given]
-        arrays = [ctypes.c_void_p(one.ctypes.data) if isinstance(one, np.ndarray) else one for one in kept]
-        memory, numbers = (ctypes.c_void_p(one.ctypes.data) for one in (self._memory, self._numbers))
-        return int(getattr(self._library, f"gbt_gp_{name}")(memory, numbers, *arrays) or 0)
+        return called(getattr(self._library, f"gbt_gp_{name}"), self._memory, self._numbers, *given)
 
     def _judged(self, time: float, bearing: Array, own: Array) -> tuple[Break | None, bool]:
         answer = self._call("add", ctypes.c_double(time), bearing, own)

@@ -13,7 +13,7 @@ from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.ocp.codegen.library import load_library
 from gbt_ocp.pilot.compiled_ekf import sighting_for_c
 from gbt_ocp.pilot.pilot_source import UNLISTED
-from gbt_ocp.pilot.tracker_source import laid_out, tracker_in_c
+from gbt_ocp.pilot.tracker_source import called, laid_out, tracker_in_c
 from gbt_ocp.tracking.polar import checked_sighting
 from gbt_ocp.tracking.protocol import Forecast, WeighedForecasts
 from gbt_ocp.tracking.shape.hypotheses import MotionHypothesis
@@ -73,9 +73,7 @@ class CompiledMotionTracker(MotionShapeTracker):
 
     def _call(self, name: str, *given: Any) -> int:
         """A function of the library on the state and the settings."""
-        arrays = [ctypes.c_void_p(one.ctypes.data) if isinstance(one, np.ndarray) else one for one in given]
-        state, numbers = (ctypes.c_void_p(one.ctypes.data) for one in (self._state, self._numbers))
-        return int(getattr(self._library, f"gbt_motion_gp_{name}")(state, numbers, *arrays) or 0)
+        return called(getattr(self._library, f"gbt_motion_gp_{name}"), self._state, self._numbers, *given)
 
     @property
     def _latest(self) -> Any:

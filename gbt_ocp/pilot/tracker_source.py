@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -273,6 +274,13 @@ def initialiser(values: Mapping[str, Any], doubles: Collection[str] = (), betwee
         f".{name} = {repr(float(value)) if name in doubles else c_number(value, doubles)}"
         for name, value in values.items()
     )
+
+
+def called(function: Any, *given: Any) -> int:
+    """What a function of a library answers, 0 for nothing; it is given the addresses of arrays, all else as it is."""
+    kept = [np.ascontiguousarray(one, dtype=float) if isinstance(one, np.ndarray) else one for one in given]
+    arguments = [ctypes.c_void_p(one.ctypes.data) if isinstance(one, np.ndarray) else one for one in kept]
+    return int(function(*arguments) or 0)
 
 
 def laid_out(settings: Mapping[str, Any]) -> bytes:

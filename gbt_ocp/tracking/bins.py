@@ -185,6 +185,12 @@ class BearingBins:
         """Bearings that are left out."""
         return sum(int(np.sum(~one.kept)) for one in self._bins)
 
+    def is_filled_by(self, time: float) -> bool:
+        """Whether a sample at a time in seconds is no longer of the newest bin, which is full then; not of none."""
+        return self._latest is not None and bool(
+            self._bins and np.floor(time / self.width) != np.floor(self._latest / self.width)
+        )
+
     def checked(
         self, time: float, bearing: ArrayLike, own_position: ArrayLike, *, same_time: bool = False
     ) -> tuple[Array, Array]:

@@ -4,8 +4,6 @@
 #include "gbt_coupling.h"
 #include "gbt_math.h"
 
-#define INPUTS(piece) ((piece) + GBT_STATE)
-
 void gbt_place_after(gbt_piece piece, gbt_real share, gbt_real *place)
 {
 #if GBT_STEPS > 1
@@ -48,7 +46,7 @@ void gbt_next_piece(gbt_piece piece, gbt_piece next)
 void gbt_propagate(gbt_piece piece[], int pieces)
 {
     for (int i = 0; i < pieces; i++) gbt_stage(piece[i], 0, 0, piece[i + 1]);
-    for (int a = 0; a < GBT_FREE; a++) INPUTS(piece[pieces])[a] = 0;
+    for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece[pieces], a) = 0;
 }
 
 /* What the objective of a piece looks at: the state at its end, or its beginning and inputs. */

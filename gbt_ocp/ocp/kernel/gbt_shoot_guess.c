@@ -3,8 +3,6 @@
 
 #include "gbt_math.h"
 
-#define INPUTS(piece) ((piece) + GBT_STATE)
-
 void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top)
 {
     (void)start;
@@ -31,7 +29,7 @@ void gbt_admit(gbt_piece piece)
 {
     for (int a = 0; a < GBT_FREE; a++) {
         const int j = a % GBT_INPUTS;
-        gbt_real *input = &INPUTS(piece)[a];
+        gbt_real *input = gbt_free(piece, a);
 #if GBT_LAST < GBT_STATES
         const gbt_real before = piece[GBT_LAST + j], most = gbt_input_step[j];
         *input = *input > before + most ? before + most : *input < before - most ? before - most : *input;
@@ -46,11 +44,11 @@ void gbt_brake(const gbt_real *start, gbt_real *top)
     gbt_real inputs[GBT_INPUTS];
     for (int a = 0; a < GBT_STATE; a++) piece[a] = start[a];
     for (int i = 0; i < GBT_PIECES; i++) {
-        for (int a = 0; a < GBT_FREE; a++) INPUTS(piece)[a] = 0;
+        for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = 0;
         gbt_last_resort(piece, 0, 0, inputs);
-        for (int a = 0; a < GBT_FREE; a++) INPUTS(piece)[a] = inputs[a % GBT_INPUTS];
+        for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = inputs[a % GBT_INPUTS];
         gbt_admit(piece);
-        for (int a = 0; a < GBT_FREE; a++) top[i * GBT_FREE + a] = INPUTS(piece)[a];
+        for (int a = 0; a < GBT_FREE; a++) top[i * GBT_FREE + a] = *gbt_free(piece, a);
         gbt_next_piece(piece, piece);
     }
 }

@@ -85,8 +85,7 @@ class BinnedFilter(RestartingTracker):
         b, own = self._bins.checked(t, bearing, own_position)
         if self._gaps.ended(t):
             self._restart(own)
-        latest, width = self._bins.latest, self._bins.width
-        if len(self._bins) and latest is not None and np.floor(t / width) != np.floor(latest / width):
+        if self._bins.is_filled_by(t):
             self._step()
         self._bins.append(t, b, own)
         self._own = own

@@ -21,7 +21,7 @@ from gbt_ocp.tracking.lost import LostTrack
 from gbt_ocp.tracking.noise import SCATTER_S, BearingNoise
 from gbt_ocp.tracking.priors import PositionPrior, unseen
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, mixed, mixed_at_median, relative_range_std
-from gbt_ocp.tracking.shape.moments import NodeMoments
+from gbt_ocp.tracking.shape.moments import NodeMoments, on_both_sides
 from gbt_ocp.typing import Array
 
 COLD_STARTS = (7, 3, 12)
@@ -131,11 +131,8 @@ class HeldTurnTracker(RestartingTracker):
         b, own = self._bins.checked(t, bearing, own_position)
         if self._gaps.ended(t):
             self._restart(own)
-        latest = self._bins.latest
-        if self._found is not None and latest is not None:
-            width = self._bins.width
-            if np.floor(t / width) != np.floor(latest / width):
-                self._step()
+        if self._found is not None and self._bins.is_filled_by(t):
+            self._step()
         self._bins.append(t, b, own)
         if self._found is None:
             self._start(t, b, own)
@@ -228,16 +225,19 @@ class HeldTurnTracker(RestartingTracker):
         found = self._found
         if found is None:
             return unseen(self._position, self._prior.range, self._own, len(t))
-        lag = t - self._now
-        mean = np.empty((len(t), self.dimension))
-        covariance = np.empty((len(t), self.dimension, self.dimension))
-        ahead = lag >= 0.0
-        if np.any(ahead):
-            mean[ahead], covariance[ahead] = self._moments_ahead(found, float(lag.max())).at(lag[ahead])
-        for k in np.flatnonzero(~ahead):
-            back = advanced(self._prior, found, float(lag[k]), np.zeros(self.dimension))
-            mean[k], covariance[k] = self._moments(back)
+        mean, covariance = on_both_sides(
+            t - self._now,
+            lambda lag: self._moments_ahead(found, float(lag.max())).at(lag),
+            lambda lag: self._moments_before(found, lag),
+        )
         return Forecast(self._own + mean, covariance)
+
+    def _moments_before(self, found: Components, lags: Array) -> tuple[Array, Array]:
+        """Moments at lags before the latest full bin ``(K,)`` in seconds: the present motion led back."""
+        still = np.zeros(self.dimension)
+        moments = [self._moments(advanced(self._prior, found, float(lag), still)) for lag in lags]
+        means, covariances = (np.array(values) for values in zip(*moments, strict=True))
+        return means, covariances
 
 
 def _angles(bearing: Array) -> Array:

@@ -8,6 +8,7 @@ On recorded logs the mean of the skewed density has half as much error again (do
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -50,6 +51,25 @@ class NodeMoments(NamedTuple):
             mean[beyond] += (times[beyond] - last)[:, None] * velocity
             covariance[beyond] *= ((times[beyond] / last) ** 3)[:, None, None]
         return mean, covariance
+
+
+def on_both_sides(
+    lags: Array, ahead: Callable[[Array], tuple[Array, Array]], before: Callable[[Array], tuple[Array, Array]]
+) -> tuple[Array, Array]:
+    """Means ``(K, d)`` and covariances ``(K, d, d)`` at lags from now ``(K,)`` in seconds, each side by its own.
+
+    Parameters
+    ----------
+    ahead, before
+        Both moments at lags of at least 0, and at those below; asked only where there are some.
+    """
+    later = lags >= 0.0
+    sides = [(chosen, side(lags[chosen])) for chosen, side in ((later, ahead), (~later, before)) if np.any(chosen)]
+    d = sides[0][1][0].shape[1] if sides else 0
+    mean, covariance = np.empty((len(lags), d)), np.empty((len(lags), d, d))
+    for chosen, (means, covariances) in sides:
+        mean[chosen], covariance[chosen] = means, covariances
+    return mean, covariance
 
 
 def moments_ahead(shape: MotionShape, found: LaplaceFit, weights: Array, horizon: float) -> NodeMoments:

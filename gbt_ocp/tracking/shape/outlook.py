@@ -9,7 +9,14 @@ from gbt_ocp.tracking.gaps import RestartingTracker
 from gbt_ocp.tracking.priors import PositionPrior, unseen
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, WeighedForecasts, relative_range_std
 from gbt_ocp.tracking.shape.hypotheses import MotionHypotheses, MotionHypothesis
-from gbt_ocp.tracking.shape.moments import NodeMoments, moments_ahead, moments_behind, moments_now, motion_covariance
+from gbt_ocp.tracking.shape.moments import (
+    NodeMoments,
+    moments_ahead,
+    moments_behind,
+    moments_now,
+    motion_covariance,
+    on_both_sides,
+)
 from gbt_ocp.tracking.shape.motions import MotionShape
 from gbt_ocp.tracking.shape.processes import ShapePrior
 from gbt_ocp.typing import Array
@@ -80,17 +87,17 @@ class MotionOutlook(RestartingTracker):
         found = self._found
         if found is None:
             return unseen(self._position, self._prior.range, self._own, len(t))
-        lag = t - self._now
-        mean = np.empty((len(t), self.dimension))
-        covariance = np.empty((len(t), self.dimension, self.dimension))
-        ahead = lag >= 0.0
-        if np.any(ahead):
-            mean[ahead], covariance[ahead] = self._moments_ahead(found, float(lag.max())).at(lag[ahead])
-        if not np.all(ahead):
-            if self._behind is None:
-                self._behind = moments_behind(self._shape, *found.likely)
-            mean[~ahead], covariance[~ahead] = self._behind.at(lag[~ahead])
+        mean, covariance = on_both_sides(
+            t - self._now,
+            lambda lag: self._moments_ahead(found, float(lag.max())).at(lag),
+            lambda lag: self._moments_behind(found).at(lag),
+        )
         return Forecast(self._own + mean, covariance)
+
+    def _moments_behind(self, found: MotionHypotheses) -> NodeMoments:
+        if self._behind is None:
+            self._behind = moments_behind(self._shape, *found.likely)
+        return self._behind
 
     def motion_at(self, time: float) -> Array | None:
         """Covariance of position and velocity ``(2d, 2d)``; ``None`` before the first bearing."""
