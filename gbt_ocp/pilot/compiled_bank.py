@@ -209,7 +209,7 @@ def _struct(*fields: tuple[str, Any]) -> Any:
 @cache
 def _held_turn(d: int) -> Any:
     """The struct of C as far as it is read."""
-    whole = [(name, _WHOLE) for name in ("known", "found", "count", "observable", "restarts")]
+    whole = [(name, _WHOLE) for name in ("known", "found", "count", "observable", "nodes", "restarts")]
     return _struct(("now", _NUMBER), ("first", _NUMBER), ("own", _NUMBER * d), *whole, ("gaps", _Gaps))
 
 

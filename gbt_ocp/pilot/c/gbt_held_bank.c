@@ -209,7 +209,7 @@ static gbt_real condition(gbt_component *one, int rows, gbt_real cross[N][D], gb
                           gbt_real *log_determinant)
 {
     /* by the Cholesky factor of the spread, l: half = cross l^-T, so that the covariance loses half half' */
-    gbt_real l[D][D], whitened[D], half[N][D], square = 0;
+    gbt_real l[D][D] = {{0}}, whitened[D], half[N][D], square = 0;
     *log_determinant = 0;
     for (int r = 0; r < rows; r++) {
         for (int c = 0; c <= r; c++) {
@@ -247,7 +247,7 @@ gbt_real gbt_bank_correct(gbt_component *one, const gbt_real *angles, gbt_real v
     for (int a = 0; a < GBT_AXES; a++) {
         if (a > 0) off[a] = angles[a] - one->mean[seen[a]];
         for (int i = 0; i < N; i++) cross[i][a] = one->covariance[AT(i, seen[a])];
-        for (int b = 0; b < GBT_AXES; b++) spread[a][b] = one->covariance[AT(seen[a], seen[b])];
+        for (int b = 0; b < GBT_AXES; b++) spread[a][b] = cross[seen[b]][a];
         spread[a][a] += a == 0 ? variance / (cosine * cosine) : variance;
     }
     const gbt_real square = condition(one, GBT_AXES, cross, spread, off, &log_determinant);

@@ -7,8 +7,8 @@
 
 GBT_BEGIN_C
 
-#define GBT_MOVING (GBT_BLOCKS_OF_STATE * GBT_DIMENSION) /* position, velocity, and the acceleration of a state that has one */
-#define GBT_N (GBT_MOVING + GBT_SIZED) /* and the log of the size where it is estimated */
+#define GBT_KINEMATIC (GBT_BLOCKS_OF_STATE * GBT_DIMENSION) /* position, velocity, and the acceleration where there is one */
+#define GBT_N (GBT_KINEMATIC + GBT_SIZED) /* and the log of the size where it is estimated */
 #define GBT_MOST_ROWS GBT_DIMENSION           /* of a measurement */
 
 /* Conditions a state on value = observation x + noise of independent rows, by Joseph's form of a square root of the

@@ -5,7 +5,7 @@
 
 #define D GBT_DIMENSION
 #define N GBT_N
-#define MOVING GBT_MOVING
+#define MOVING GBT_KINEMATIC
 #define LONGEST_LOG_STEP ((gbt_real)5) /* largest step of the log range in one update */
 
 void gbt_own_velocity(gbt_own_velocities *own, const gbt_sighting *sighting)
