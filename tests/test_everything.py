@@ -100,7 +100,8 @@ def test_tables_that_a_job_printed_become_data(everything, tmp_path, monkeypatch
 
 
 def test_tables_in_a_folder_that_jobs_share_become_data_of_each(everything, tmp_path, monkeypatch):
-    script = "import pathlib, sys; p = pathlib.Path(sys.argv[1]); p.mkdir(parents=True); (p / 'x.md').write_text(sys.argv[2])"
+    script = "import pathlib, sys; p = pathlib.Path(sys.argv[1]); p.mkdir(parents=True); "
+    script += "(p / 'x.md').write_text(sys.argv[2])"
     jobs = [
         everything.Job(
             name, ("-c", script, f"{everything.OUT}/../paper/{name}", f"# {name}\n\n| a |\n|---|\n| 1 |\n"),

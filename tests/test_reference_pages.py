@@ -17,7 +17,7 @@ def module():
 
 
 def test_free_text_of_what_is_returned_stands_below_the_annotation():
-    text = "Do it.\n\nReturns\n-------\nThe mean, and\nits deviation.\n\nRaises\n------\nValueError\n    If it is not.\n"
+    text = "Do it.\n\nReturns\n-------\nThe mean, and\nits deviation.\n\nRaises\n------\nValueError\n    If not.\n"
     expected = text.replace("The mean, and\nits deviation.", "Array\n    The mean, and\n    its deviation.")
     assert module().typed(text, "Array") == expected
 
