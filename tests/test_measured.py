@@ -93,5 +93,12 @@ def test_data_is_written_from_what_a_command_printed(tmp_path):
         "more": {"columns": ["a"], "rows": [["b"]]},
     }
     assert (found["commit"], found["seeds"]) == ("abc", "0 to 3")
+    report = "## Findings\n\n- **holds**: It is small. Seen: 0.1 m.\n- **does not hold**: It is 1 | 2. Seen: 3.\n"
+    assert write_data.tables_in(report) == {
+        "findings": {
+            "columns": ["asked", "seen", "verdict"],
+            "rows": [["It is small.", "0.1 m.", "holds"], ["It is 1 \\| 2.", "3.", "does not hold"]],
+        }
+    }
     assert found["command"] == ["python benchmarks/x.py --seeds 4"]
     assert found["versions"] == {"python": "3.11", "numpy": "2.1"}
