@@ -53,6 +53,8 @@ def test_a_cell_and_a_table_are_those_of_the_file():
     assert measured.rendered(quoted) == row[table["columns"].index("least range m")]
     shown = measured.rendered("{{ data.comparison_sea.closed_loop }}")
     assert write_data.tables_in(shown) == {"table": table}
+    folded = measured.rendered('??? note "All"\n\n    {{ data.comparison_sea.closed_loop }}\n').splitlines()[2:]
+    assert [line.removeprefix("    ") for line in folded] == shown.splitlines()
 
 
 @pytest.mark.parametrize("name", measured.names())
