@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import replace
 
@@ -24,6 +25,9 @@ from gbt_ocp.typing import Array
 
 LEAST_COSINE = 0.05
 """Least cosine of an elevation: straight above the vehicle there is no azimuth."""
+
+ON_TIME = 1.0e-9
+"""Rounding of a mean time in seconds."""
 
 
 class BinnedFilter(RestartingTracker):
@@ -128,7 +132,7 @@ class BinnedFilter(RestartingTracker):
         self._note(sighting.time, self._own if parts.platform else own)
         if self._begun and self._full:
             for single in singles:
-                self._filter.take(single)
+                _given(self._filter, single)
         else:
             self._waiting.extend(singles)
 
@@ -148,7 +152,7 @@ class BinnedFilter(RestartingTracker):
         if not self._full and self._bins.is_filled_by(time):
             self._step()
         if self._full:
-            self._waiting = [one for one in self._waiting if one.time // self._bins.width == time // self._bins.width]
+            self._waiting = [one for one in self._waiting if self._bins.are_together(one.time, time)]
 
     def _step(self) -> None:
         """Take in the newest bin, now that it is full, and what has waited for it."""
@@ -176,7 +180,7 @@ class BinnedFilter(RestartingTracker):
         means = self._bins.means()
         time, bearing, own = float(means.times[-1]), means.bearings[-1], means.own_positions[-1]
         for single in self._early(time):
-            filter_.take(single)
+            _given(filter_, single)
         there = filter_.predict([time])
         distance = float(np.linalg.norm(there.mean[0] - own))
         noise = self._noise.of_mean(
@@ -190,7 +194,7 @@ class BinnedFilter(RestartingTracker):
 
     def _early(self, time: float) -> Sequence[Sighting]:
         """What has waited from before a time; a filter begins with a bearing."""
-        return [one for one in self._waiting if one.time < time] if self._begun else ()
+        return [one for one in self._waiting if one.time < time - ON_TIME] if self._begun else ()
 
     def _left(self, filter_: SightingTracker, said: Sighting) -> None:
         """Give a filter the mean bearing, and what has waited from after its time."""
@@ -198,7 +202,7 @@ class BinnedFilter(RestartingTracker):
         filter_.take(said)
         for single in self._waiting[early:]:
             # what is earlier than the mean of the first bin, by less than its width, counts as of its time
-            filter_.take(replace(single, time=max(single.time, said.time)))
+            _given(filter_, replace(single, time=max(single.time, said.time)))
 
     @property
     def range_observable(self) -> bool:
@@ -216,3 +220,12 @@ class BinnedFilter(RestartingTracker):
             known = deepcopy(known)
             self._left(known, self._entered(known)[0])
         return known.predict(at)
+
+
+def _given(filter_: SightingTracker, single: Sighting) -> None:
+    """Give a filter what is no bearing.
+
+    After a gap that is long beside the intervals of its measurements it begins again, and refuses what is no bearing.
+    """
+    with suppress(ValueError):
+        filter_.take(single)

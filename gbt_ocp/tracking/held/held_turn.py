@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -166,40 +166,36 @@ class HeldTurnTracker(RestartingTracker):
         if parts.bearing is not None and not parts.platform:
             self._seen(sighting.time, parts.bearing, own, parts)
             return
-        self._further(sighting.time, (sighting,) if parts.platform else parts.singles, own)
+        if parts.platform:
+            self._further(sighting.time, (sighting,), self._own)
+        else:
+            self._further(sighting.time, parts.singles, own)
 
     def _seen(self, time: float, bearing: Array, own: Array, parts: SightingParts = BY_ITSELF) -> None:
         """Take in a bearing, and what came with it."""
         self._note(time, own)
         self._bins.append(time, bearing, own, weight=parts.worth(self._noise.std), same_time=True)
         self._full = False
-        waiting = list(parts.singles)
         if self._found is None:
             self._start(time, bearing, own)
-            waiting, self._waiting = self._waiting + waiting, []
-        self._count(waiting)
+            waiting, self._waiting = self._waiting, []
+            self._count(time, own, waiting)
+        self._count(time, own, parts.singles)
 
     def _further(self, time: float, singles: Sequence[Sighting], own: Array) -> None:
-        """Take in what is no bearing of the own vehicle; own is the place of the sensor."""
-        elsewhere = bool(singles[0].platform)
-        self._note(time, self._own if elsewhere else own)
+        """Take in what is no bearing of the own vehicle, which is at ``own`` ``(d,)`` as far as it is known."""
+        self._note(time, own)
         if self._found is None:
             self._waiting.extend(singles)
-            return
-        # what is in the newest bin has a mean time to come: the bank waits at the oldest of it
-        at, place = (time, self._own if elsewhere else own) if self._full else self._bins.first
-        if at > self._now:
-            self._found = self._carried(at, place)
-            self._now, self._own = at, place
-        self._count(singles)
+        else:
+            self._count(time, own, singles)
 
     def _note(self, time: float, own: Array) -> None:
         """Begin a new track after a gap; take in the newest bin once that is full."""
         if self._gaps.ended(time):
             self._restart(own)
         self._latest = time
-        width = self._bins.width
-        self._waiting = [one for one in self._waiting if one.time // width == time // width]
+        self._waiting = [one for one in self._waiting if self._bins.are_together(one.time, time)]
         if self._found is not None and not self._full and self._bins.is_filled_by(time):
             self._step()
             self._full = True
@@ -223,8 +219,15 @@ class HeldTurnTracker(RestartingTracker):
             found = held.joined(again)
         return advanced(self._prior, found, step, own - self._own)
 
-    def _count(self, singles: Iterable[Sighting]) -> None:
-        """Weigh and correct the components by measurements at times near now."""
+    def _count(self, time: float, own: Array, singles: Sequence[Sighting]) -> None:
+        """Weigh and correct the components by measurements of a time; nothing waits for what is in a full bin."""
+        if not singles:
+            return
+        # what is in the newest bin has a mean time to come: the bank waits at the oldest of it
+        at, place = (time, own) if self._full else self._bins.first
+        if at > self._now:
+            self._found = self._carried(at, place)
+            self._now, self._own = at, place
         for single in singles:
             assert self._found is not None, "begun"
             found = self._found
