@@ -117,7 +117,7 @@ def _models(binned: BinnedFilter) -> dict[str, Any]:
     """The settings of interacting models on means of bins."""
     imm, noise, bins = binned.settings
     if not isinstance(imm, ImmExtendedTracker):
-        raise ValueError(f"tracker.members: found one that is a {type(imm).__name__}; allowed in C: {_ALLOWED}")
+        raise ValueError(f"tracker.members: found one that is a {type(imm).__name__}; allowed in C: {_BOTH}")
     guess, models, bearing_std, _ = imm.settings
     variance, process, jerk, stay, turn = models.settings
     return {
@@ -136,7 +136,7 @@ def _models(binned: BinnedFilter) -> dict[str, Any]:
     }
 
 
-_ALLOWED = "held_turn and imm_ekf, both of them"
+_BOTH = "held_turn and imm_ekf, both of them"
 
 
 def mixture_in_c(tracker: MixtureTracker, samples: Callable[[float], int]) -> Source:
@@ -148,7 +148,7 @@ def mixture_in_c(tracker: MixtureTracker, samples: Callable[[float], int]) -> So
         If there is none of its members in C.
     """
     if sorted(tracker.members) != sorted(MEMBERS_IN_C):
-        raise ValueError(f"tracker.members: found {', '.join(tracker.members)}; allowed in C: {_ALLOWED}")
+        raise ValueError(f"tracker.members: found {', '.join(tracker.members)}; allowed in C: {_BOTH}")
     noise, bins, forgetting = tracker.settings
     held, binned = (tracker.members[name] for name in MEMBERS_IN_C)
     assert isinstance(held, HeldTurnTracker), "of this name"
