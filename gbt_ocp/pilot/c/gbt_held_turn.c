@@ -6,11 +6,10 @@
 #define D GBT_DIMENSION
 #define START_WIDTH ((gbt_real)4) /* deviations of a bearing's noise within which a track is begun about it */
 #define OPEN_S 5.0                /* s after the first bearing in which no turn rate is let go and all starts are kept */
-#define OPEN_MOST 4               /* how many times as many components are kept until the range is observable */
 #define AHEAD_MOST 40             /* components that are carried ahead */
 #define FORGOTTEN ((gbt_real)1e-6) /* weight below which a component is dropped */
 
-static const int cold_starts[3] = {7, 3, 12}; /* ranges, speeds and courses at which a track is begun */
+static const int cold_starts[3] = {7, 3, 12}; /* ranges, speeds and courses at which a track is begun; GBT_COMPONENTS at least */
 
 size_t gbt_held_turn_bytes(void) { return sizeof(gbt_held_turn); }
 size_t gbt_held_turn_work_bytes(void) { return sizeof(gbt_held_turn_work); }
@@ -227,10 +226,7 @@ static void step(gbt_held_turn *tracker, const gbt_held_turn_settings *settings,
         square += work->weight[slot] * work->square[slot];
     }
     const int lost = gbt_lost_after(&tracker->lost, square / GBT_AXES);
-    if (!open) {
-        most = settings->components * (observable(tracker, work, again) ? 1 : OPEN_MOST);
-        if (most > GBT_COMPONENTS) most = GBT_COMPONENTS;
-    }
+    if (!open) most = observable(tracker, work, again) ? settings->components : GBT_COMPONENTS;
     keep_likeliest(tracker, work, again, most, FORGOTTEN);
     tracker->now = bin->time;
     for (int j = 0; j < D; j++) tracker->own[j] = bin->own[j];

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -25,16 +27,13 @@ from gbt_ocp.tracking.shape.moments import NodeMoments, on_both_sides
 from gbt_ocp.typing import Array
 
 COLD_STARTS = (7, 3, 12)
-"""Ranges, speeds and courses at which a track is begun."""
+"""Ranges, speeds and courses at which a track is begun; as many components are kept until the range is observable."""
 
 START_WIDTH = 4.0
 """Deviations of a bearing's noise within which a track is begun about it."""
 
 OPEN_S = 5.0
 """Seconds after the first bearing in which no component lets go of its turn rate and all starts are kept."""
-
-OPEN_MOST = 4
-"""How many times as many components are kept until the range is observable."""
 
 AHEAD_STEP = 2.0
 """Seconds between the nodes of a forecast; between them it is linear."""
@@ -99,14 +98,15 @@ class HeldTurnTracker(RestartingTracker):
         self._noise = noise
         self._prior = prior
         self._most = components
+        self._most_open = max(components, math.prod(COLD_STARTS) * len(prior.branches[0]))
         self._gaps = Gaps(span=SCATTER_S)
         self.restarts = 0
         self._begin(PositionPrior(np.zeros(dimension)) if position is None else position)
 
     @property
-    def settings(self) -> tuple[HeldTurnPrior, BearingNoise, BearingBins, int, PositionPrior]:
-        """Priors, noise and bins; how many components are kept; and where a track begins."""
-        return self._prior, self._noise, self._bins, self._most, self._position
+    def settings(self) -> tuple[HeldTurnPrior, BearingNoise, BearingBins, tuple[int, int], PositionPrior]:
+        """Priors, noise and bins; how many components are kept, then and before; and where a track begins."""
+        return self._prior, self._noise, self._bins, (self._most, self._most_open), self._position
 
     def _begin(self, position: PositionPrior) -> None:
         self._bins.clear()
@@ -174,7 +174,7 @@ class HeldTurnTracker(RestartingTracker):
         weights = found.weights
         lost = self._lost.after(float(weights @ squares) / (self.dimension - 1))
         open_ = time - self._first <= OPEN_S
-        most = len(found) if open_ else self._most * (1 if self._observable(found) else OPEN_MOST)
+        most = len(found) if open_ else self._most if self._observable(found) else self._most_open
         self._found = found.likeliest(most)
         self._now, self._own, self._ahead = time, own, None
         if lost:
