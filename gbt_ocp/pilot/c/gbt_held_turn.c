@@ -7,11 +7,10 @@
 #define D GBT_DIMENSION
 #define START_WIDTH ((gbt_real)4) /* deviations of a bearing's noise within which a track is begun about it */
 #define OPEN_S 5.0                /* s after the first bearing in which no turn rate is let go and all starts are kept */
-#define OPEN_MOST 4               /* how many times as many components are kept until the range is observable */
 #define AHEAD_MOST 40             /* components that are carried ahead */
 #define FORGOTTEN ((gbt_real)1e-6) /* weight below which a component is dropped */
 
-static const int cold_starts[3] = {7, 3, 12}; /* ranges, speeds and courses at which a track is begun */
+static const int cold_starts[3] = {7, 3, 12}; /* ranges, speeds and courses at which a track is begun; GBT_COMPONENTS at least */
 
 size_t gbt_held_turn_bytes(void) { return sizeof(gbt_held_turn); }
 size_t gbt_held_turn_work_bytes(void) { return sizeof(gbt_held_turn_work); }
@@ -225,9 +224,9 @@ static int carry(gbt_held_turn *tracker, const gbt_held_turn_settings *settings,
 /* Keeps the likeliest, of weighed ones: all starts for a while, and more of them until the range is observable. */
 static void keep(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work, int again, double time)
 {
-    int most = tracker->count + again;
-    if (time - tracker->first > OPEN_S) most = settings->components * (observable(tracker, work, again) ? 1 : OPEN_MOST);
-    if (most > GBT_COMPONENTS) most = GBT_COMPONENTS;
+    const int open = time - tracker->first <= OPEN_S;
+    int most = GBT_COMPONENTS;
+    if (!open && observable(tracker, work, again)) most = settings->components;
     keep_likeliest(tracker, work, again, most, FORGOTTEN);
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -31,16 +32,13 @@ from gbt_ocp.tracking.shape.moments import NodeMoments, on_both_sides
 from gbt_ocp.typing import Array
 
 COLD_STARTS = (7, 3, 12)
-"""Ranges, speeds and courses at which a track is begun."""
+"""Ranges, speeds and courses at which a track is begun; as many components are kept until the range is observable."""
 
 START_WIDTH = 4.0
 """Deviations of a bearing's noise within which a track is begun about it."""
 
 OPEN_S = 5.0
 """Seconds after the first bearing in which no component lets go of its turn rate and all starts are kept."""
-
-OPEN_MOST = 4
-"""How many times as many components are kept until the range is observable."""
 
 AHEAD_STEP = 2.0
 """Seconds between the nodes of a forecast; between them it is linear."""
@@ -109,14 +107,15 @@ class HeldTurnTracker(RestartingTracker):
         self._noise = noise
         self._prior = prior
         self._most = components
+        self._most_open = max(components, math.prod(COLD_STARTS) * len(prior.branches[0]))
         self._gaps = Gaps(span=SCATTER_S)
         self.restarts = 0
         self._begin(PositionPrior(np.zeros(dimension)) if position is None else position)
 
     @property
-    def settings(self) -> tuple[HeldTurnPrior, BearingNoise, BearingBins, int, PositionPrior]:
-        """Priors, noise and bins; how many components are kept; and where a track begins."""
-        return self._prior, self._noise, self._bins, self._most, self._position
+    def settings(self) -> tuple[HeldTurnPrior, BearingNoise, BearingBins, tuple[int, int], PositionPrior]:
+        """Priors, noise and bins; how many components are kept, then and before; and where a track begins."""
+        return self._prior, self._noise, self._bins, (self._most, self._most_open), self._position
 
     def _begin(self, position: PositionPrior) -> None:
         self._bins.clear()
@@ -238,7 +237,7 @@ class HeldTurnTracker(RestartingTracker):
     def _kept(self, found: Components, time: float) -> Components:
         """The likeliest components: all starts for a while, and more of them until the range is observable."""
         open_ = time - self._first <= OPEN_S
-        return found.likeliest(len(found) if open_ else self._most * (1 if self._observable(found) else OPEN_MOST))
+        return found.likeliest(len(found) if open_ else self._most if self._observable(found) else self._most_open)
 
     def _step(self) -> None:
         """Take in the newest bin, now that it is full."""
