@@ -4,8 +4,8 @@
     python benchmarks/plant_errors.py case2 case5 --seeds 5 --duration 10 --out runs/plant_cases
 
 One sweep a configuration, resumed where it stopped. At sea each factor on mass, added mass and drag comes with
-thrust 10 % weak, a lag of 0.3 s, of which the follower knows, and a force of the drag of 0.3 m/s of water (30 N in surge, 56 N in sway). A case has
-the factor 1.2 alone.
+thrust 10 % weak, a lag of 0.3 s that the follower knows of, and a force of the drag of 0.3 m/s of water (30 N in surge,
+56 N in sway). A case has the factor 1.2 alone.
 """
 
 from __future__ import annotations
