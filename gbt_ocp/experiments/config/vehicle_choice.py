@@ -18,8 +18,8 @@ leads away, and plans begin when the standoff leaves them room."""
 
 SURE = 0.08
 """Deviation of the range over it until which a slow vehicle with Fossen's equations crosses. With 0.12 the standoff
-leaves it no room yet: it flees along the line of sight, which tells nothing of the range (BlueROV2, seeds 300 and 301 of
-120 s: errors of 13 % now, with 0.08 of 9 %)."""
+leaves it no room yet: it flees along the line of sight, which tells nothing of the range (BlueROV2, seeds 300 and 301
+of 120 s: errors of 13 % now, with 0.08 of 9 %)."""
 
 CROSSED = 24.0
 """Metres that a leg across the line of sight has at least: those of the sea's own vehicle, 8 s at 3 m/s."""
