@@ -37,16 +37,20 @@ class Job:
     Attributes
     ----------
     name
-        Folder below the output's, and what ``--only`` takes.
+        Folder below the output's, what ``--only`` takes, and name of its file of data.
     command
         Arguments after the interpreter; ``{out}`` is the job's own folder, ``{tracks}`` what ``--tracks`` says.
     minutes
         Processor minutes it took where that was measured, else ``None``.
+    tables
+        The files with its tables below the output's folder, as a pattern; by default what it printed and all Markdown
+        in its own folder.
     """
 
     name: str
     command: tuple[str, ...]
     minutes: float | None = None
+    tables: str = ""
 
 
 COUNTS = {"--seeds", "--runs", "--problems", "--printed", "--ipopt"}
@@ -73,6 +77,12 @@ def going_on(arguments: Sequence[str]) -> list[str]:
     return found
 
 
+def study(name: str, runs: int) -> Job:
+    """The job of a table or a figure of the paper; all share a folder, since figure 6 is of the runs of the tables."""
+    command = own("reproduce", name, "--runs", str(runs), "--out", f"{OUT}/../paper")
+    return Job(name, command, tables=f"paper/{name}/{name}*.md")
+
+
 def own(*arguments: str) -> tuple[str, ...]:
     """The arguments of a command of ``gbt-ocp``."""
     return ("-m", "gbt_ocp.cli", *arguments, "--quiet")
@@ -92,7 +102,7 @@ BENCHMARKS = (
     benchmark("pilot_foreign_loop"),
     benchmark("objectives"),
     benchmark("follower", "sea2d"),
-    benchmark("plant_errors", "sea2d", "case2", "case5"),
+    benchmark("plant_errors", "sea2d", "case2", "case5", "--seeds", "20", "--out", f"{OUT}/runs"),
     benchmark(
         "solver",
         *("--study", "horizon,loop", "--printed", "40", "--figure", f"{OUT}/solver_benchmark.png"),
@@ -112,7 +122,8 @@ BENCHMARKS = (
     benchmark("sweep_rate"),
     benchmark("closed_loop", "--seeds", "10", "--jobs", "2", "--out", f"{OUT}/results.md"),
     Job("public_scenarios", own("benchmark", "--out", f"{OUT}/benchmark")),
-    Job("paper", own("reproduce", "all", "--runs", "50", "--out", f"{OUT}/paper")),
+    *(study(name, 50) for name in ("table2", "table3", "fig5", "fig6")),
+    *(study(name, 10) for name in ("fig4", "fig7", "fig8", "fig9")),
     Job(
         "comparison",
         own("compare", "case2", "case3", "case5", "case6", "--runs", "10", "--problems", "200", "--out", f"{OUT}/all"),
@@ -261,7 +272,7 @@ def write_summary(out: Path) -> None:
 def write_tables(job: Job, out: Path, data: Path) -> None:
     """Write the tables that a job printed, or left as Markdown, as ``DATA/NAME.json``; a job may have none."""
     folder = out / job.name
-    texts = [folder / "output.txt", *sorted(folder.rglob("*.md"))]
+    texts = sorted(out.glob(job.tables)) if job.tables else [folder / "output.txt", *sorted(folder.rglob("*.md"))]
     if any("|---" in path.read_text(encoding="utf-8", errors="replace") for path in texts):
         script = str(ROOT / "scripts" / "write_data.py")
         where = ["--name", job.name, "--result", str(folder / "result.json"), "--data", str(data)]

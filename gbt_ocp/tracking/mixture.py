@@ -129,6 +129,11 @@ class MixtureTracker(RestartingTracker):
         self._gaps = Gaps(span=SCATTER_S)
         self._begin(np.zeros(dimension))
 
+    @property
+    def settings(self) -> tuple[BearingNoise, BearingBins, float]:
+        """Noise and bins by which the members are judged, and the time in seconds in which evidence fades."""
+        return self._noise, self._bins, self._forgetting
+
     def _begin(self, own: Array) -> None:
         self._own = own
         self._begins = -np.inf
@@ -185,6 +190,11 @@ class MixtureTracker(RestartingTracker):
         self._evidence = (self._evidence + scores) * np.exp((self._begins - begins) / self._forgetting)
 
     @property
+    def _latest(self) -> float | None:
+        """Time of the latest bearing in seconds."""
+        return self._bins.latest
+
+    @property
     def log_evidence(self) -> Array:
         """Of the members ``(M,)``, for the full bins until now, faded."""
         return self._evidence.copy()
@@ -192,7 +202,8 @@ class MixtureTracker(RestartingTracker):
     @property
     def weights(self) -> Array:
         """Probability of the members ``(M,)``; equal before any bin is judged."""
-        share = np.exp(self._evidence - self._evidence.max())
+        evidence = self.log_evidence
+        share = np.exp(evidence - evidence.max())
         return np.asarray(share / share.sum())
 
     @property
@@ -203,10 +214,9 @@ class MixtureTracker(RestartingTracker):
     @property
     def range_observable(self) -> bool:
         """Whether the range is known to a quarter; before, it is mostly the prior's."""
-        latest = self._bins.latest
-        if latest is None:
+        if self._latest is None:
             return False
-        mean, covariance = self.predict([latest])
+        mean, covariance = self.predict([self._latest])
         return bool(relative_range_std(mean[0], covariance[0], self._own) < RANGE_OBSERVABLE)
 
     def predict(self, times: ArrayLike) -> Forecast:
@@ -247,7 +257,7 @@ class MixtureTracker(RestartingTracker):
         told = bool(known.sum() >= 0.5)
         if told:
             weights = known
-        elif self._bins.latest is None or not all(self._has_covariance(member) for member in members):
+        elif self._latest is None or not all(self._has_covariance(member) for member in members):
             weights = np.eye(len(weights))[0]
         likely = weights > LEAST_WEIGHT * weights.sum()
         parts = [part for part, one in zip(members, likely, strict=True) if one]
@@ -255,12 +265,12 @@ class MixtureTracker(RestartingTracker):
 
     def _has_covariance(self, member: Tracker) -> bool:
         """Whether a model has begun; a filter before its first measurement knows no covariance."""
-        return bool(np.all(np.isfinite(member.predict(np.array([self._bins.latest])).covariance)))
+        return bool(np.all(np.isfinite(member.predict(np.array([self._latest])).covariance)))
 
     def _tells_range(self, member: Tracker) -> bool:
         """Whether a model knows the range to a quarter."""
         observable = getattr(member, "range_observable", None)
-        if observable is None and self._bins.latest is not None:
-            mean, covariance = member.predict(np.array([self._bins.latest]))
+        if observable is None and self._latest is not None:
+            mean, covariance = member.predict(np.array([self._latest]))
             observable = relative_range_std(mean[0], covariance[0], self._own) < RANGE_OBSERVABLE
         return bool(observable)

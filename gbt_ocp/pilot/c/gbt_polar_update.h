@@ -20,9 +20,10 @@ typedef struct {
 void gbt_own_velocity(gbt_own_velocities *own, const gbt_sighting *sighting);
 
 /* Conditions a state on the rows of a measurement, made at its position. own and own_velocity are the sensor's; the
-   velocity chooses the coordinates and is no measurement. 0, and the state as it was, where that has no inverse. */
+   velocity chooses the coordinates and is no measurement. 0, and the state as it was, where that has no inverse. The
+   logarithm of the density of the measurement may be 0. */
 int gbt_polar_update(gbt_real mean[GBT_N], gbt_real covariance[GBT_N][GBT_N], const gbt_polar_rows *rows,
-                     const gbt_real *own, const gbt_real *own_velocity);
+                     const gbt_real *own, const gbt_real *own_velocity, gbt_real *log_likelihood);
 
 GBT_END_C
 

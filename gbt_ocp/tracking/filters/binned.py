@@ -62,6 +62,11 @@ class BinnedFilter(RestartingTracker):
         self.restarts = 0
         self._begin(position)
 
+    @property
+    def settings(self) -> tuple[SightingTracker, BearingNoise, BearingBins]:
+        """The filter, as it is now; noise and bins."""
+        return self._filter, self._noise, self._bins
+
     def _begin(self, position: RangedPrior) -> None:
         self._position = position
         self._filter = self._make(position)

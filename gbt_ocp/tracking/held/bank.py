@@ -38,6 +38,9 @@ LEAST_COSINE = 0.05
 CELL = (0.4, np.pi / 4.0)
 """Log range and course within which components are taken together when the turn rate is drawn again."""
 
+RANGE_CELLS = 32
+"""How many of these there are, from 1 m to 360 km; what is nearer or farther is in the first or the last."""
+
 FORGOTTEN = 1.0e-6
 """Weight below which a component is dropped."""
 
@@ -176,8 +179,7 @@ def begun(prior: HeldTurnPrior, angles: Array, variance: float, ranges: int, lev
     """
     turn, speed = prior.branches
     n = 6 if len(angles) == 1 else 8
-    z = np.linspace(-2.0, 2.0, ranges)
-    y = np.linspace(-1.0, 1.0, levels)
+    z, y = _grid(2.0, ranges), _grid(1.0, levels)
     x = np.arange(courses) * 2.0 * np.pi / courses - np.pi
     grid = np.stack(np.meshgrid(z, y, x, np.arange(len(turn)), indexing="ij"), axis=-1).reshape(-1, 4)
     branch = grid[:, 3].astype(np.intp)
@@ -200,6 +202,11 @@ def begun(prior: HeldTurnPrior, angles: Array, variance: float, ranges: int, lev
         spread[:, CLIMB] = prior.climb_std**2
     covariances[:, np.arange(n), np.arange(n)] = spread
     return Components(-0.5 * np.sum(grid[:, :2] ** 2, axis=1), means, covariances, branch)
+
+
+def _grid(most: float, count: int) -> Array:
+    """Numbers within so many deviations; opposite ones exactly so: no rounding makes one likelier than the other."""
+    return most * (np.arange(1.0 - count, count, 2.0) / (count - 1)) if count > 1 else np.array([-most])
 
 
 def _remainder(grid: Array) -> float:
@@ -254,9 +261,8 @@ def let_go(prior: HeldTurnPrior, given: Components, step: float) -> tuple[Compon
     share = -np.expm1(-step / prior.hold)
     held = Components(given.log_weights + np.log1p(-share), given.means, given.covariances, given.branches)
     m = given.means
-    cells = np.stack(
-        [given.branches, np.floor(m[:, LOG_RANGE] / CELL[0]), np.floor(_wrapped(m[:, COURSE]) / CELL[1])], axis=-1
-    )
+    log_range = np.clip(np.floor(m[:, LOG_RANGE] / CELL[0]), 0.0, RANGE_CELLS - 1.0)
+    cells = np.stack([given.branches, log_range, np.floor(_wrapped(m[:, COURSE]) / CELL[1])], axis=-1)
     _, label = np.unique(cells, axis=0, return_inverse=True)
     again = merged(given, np.asarray(label, dtype=np.intp).ravel())
     return held, drawn(prior, Components(again.log_weights + np.log(share), *list(vars(again).values())[1:]))

@@ -103,6 +103,11 @@ class HeldTurnTracker(RestartingTracker):
         self.restarts = 0
         self._begin(PositionPrior(np.zeros(dimension)) if position is None else position)
 
+    @property
+    def settings(self) -> tuple[HeldTurnPrior, BearingNoise, BearingBins, int, PositionPrior]:
+        """Priors, noise and bins; how many components are kept; and where a track begins."""
+        return self._prior, self._noise, self._bins, self._most, self._position
+
     def _begin(self, position: PositionPrior) -> None:
         self._bins.clear()
         self._position = position
