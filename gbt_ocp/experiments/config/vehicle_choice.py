@@ -21,6 +21,9 @@ SURE = 0.08
 leaves it no room yet: it flees along the line of sight, which tells nothing of the range (BlueROV2, seeds 300 and 301
 of 120 s: errors of 13 % now, with 0.08 of 9 %)."""
 
+SLOW = 2.0
+"""Speed in m/s below which a vehicle has to spend all of it across the line of sight."""
+
 CROSSED = 24.0
 """Metres that a leg across the line of sight has at least: those of the sea's own vehicle, 8 s at 3 m/s."""
 
@@ -94,11 +97,12 @@ def driven_defaults(name: str, beneath: Mapping[str, Any], written: Mapping[str,
 
 
 def slow_defaults(beneath: Mapping[str, Any], written: Mapping[str, Any], dimension: int) -> dict[str, Any]:
-    """Longer legs, and crossing no faster than it can or may, for a vehicle with Fossen's equations that is slow.
+    """Longer legs, and crossing no faster than it can or may, for a vehicle with Fossen's equations.
 
-    Slow is one whose named coefficients, or ``limits.speed``, keep it below the speed at which the problem has it cross
-    the line of sight. Legs have the length in metres that those of the sea's own vehicle have: in the same time a slow
-    one sees the target from nearly the same place, and its range is lost.
+    They are those of one whose named coefficients, or ``limits.speed``, keep it below the speed at which the problem
+    has it cross the line of sight. Legs have the length in metres that those of the sea's own vehicle have: in the same
+    time a slow one sees the target from nearly the same place, and its range is lost. Below :data:`SLOW` it crosses
+    until the range is better known, none of its speed leading away.
 
     Parameters
     ----------
@@ -125,8 +129,9 @@ def slow_defaults(beneath: Mapping[str, Any], written: Mapping[str, Any], dimens
     speed = SHARE * min(fastest, default=math.inf)
     if speed >= PlannerGuidanceSection.model_fields["startup_speed"].default:
         return {}
-    leg = max(CROSSING["startup_leg_s"], round(CROSSED / speed))
-    crossing = CROSSING | {"startup_deviation": SURE, "startup_speed": round(speed, 3), "startup_leg_s": leg}
+    crossing: dict[str, Any] = {"startup_speed": round(speed, 3), "startup_leg_s": float(round(CROSSED / speed))}
+    if speed < SLOW:
+        crossing = CROSSING | {"startup_deviation": SURE} | crossing
     defaults: dict[str, Any] = {"guidance": crossing}
     reverse, target = (value_at(merged, ("desired_bearing", key)) for key in ("reverse_s", "target_speed"))
     target = DesiredBearingSection.model_fields["target_speed"].default if target is NOTHING else target
