@@ -187,8 +187,8 @@ def main() -> None:
             with file.open("a", encoding="utf-8") as out:
                 out.write(json.dumps([key, known[key]]) + "\n")
             print(f"{number} of {len(running)}: {known[key]['wall_s']:.0f} s", flush=True)
-    print("\n| " + " | ".join(HEAD) + " |\n|" + "---|" * len(HEAD))
     for group in options.groups:
+        print(f"\n{group}\n\n| " + " | ".join(HEAD) + " |\n|" + "---|" * len(HEAD))
         for pair in PAIRS[group]:
             rows, others = (
                 [
