@@ -151,6 +151,7 @@ BENCHMARKS = (
         *("sea2d", "sea3d", "--effort", "0", "0.1", "0.3", "--seeds", "20", "--out", f"{OUT}/runs"),
         name="sea_effort",
     ),
+    benchmark("sea_two", "--seeds", "20", "--out", f"{OUT}/runs"),
     benchmark("sea_recorded", TRACKS, "--seeds", "4", "--duration", "120", "--out", f"{OUT}/runs"),
     benchmark(
         "sea_water", *("current", "vehicles", "setpoints", "--seeds", "20", "--duration", "120", "--out", f"{OUT}/runs")
