@@ -2,15 +2,16 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/shooting_cold.py --count 1000 --pieces 5,10,20 --json cold.json
 
-Random states, forecasts and desired bearings (``solver_instances.cold_instances``, seed 0), hard limits on thrust of 0.98
-of what there is, every solve from coasting. The solver's own account is not believed: CasADi integrates what it commands
-by the benchmark's own Runge-Kutta step and differentiates the objective, and the residual is the largest step along that
-slope, of one per unit of a thrust over its limit, cut at the bounds. The largest thrust is that of 101 instants a period.
+Random states, forecasts and desired bearings (``solver_instances.cold_instances``, seed 0), hard limits on thrust of
+0.98 of what there is, every solve from coasting. The solver's own account is not believed: CasADi integrates what it
+commands by the benchmark's own Runge-Kutta step and differentiates the objective, and the residual is the largest step
+along that slope, of one per unit of a thrust over its limit, cut at the bounds. The largest thrust is that of 101
+instants a period.
 
 ``--json`` writes a row a dimension, form and number of pieces: dimension, thrust, pieces, count, solved, again (that
 needed another start), iterations_mean, iterations_p99, iterations_most, residual_median, residual_p99, residual_worst,
-optimal (of the solved, a residual of at most 1e-3), excess_most (thrust over its hard limit, less 1), call_ms_median,
-call_ms_p99.
+optimal (of the solved, a residual of at most 1e-3), excess_most (thrust over its hard limit, less 1), objective_mean,
+call_ms_median, call_ms_p99.
 """
 
 from __future__ import annotations
@@ -45,6 +46,30 @@ def _in_earth_axes(x: Any, n: int) -> tuple[Any, Any]:
     return x[:n], ca.vertcat(c * ahead - s * aside, s * ahead + c * aside, x[n + 2 :])
 
 
+def period_of(statement: Statement) -> ca.Function:
+    """(pose and body velocity, thrust over its limit at both ends of a period) -> the same a period later.
+
+    The accelerations are those that the inverse dynamics give, turned into body axes.
+    """
+    n, h = statement.inputs, statement.period
+    x, first, last = (ca.SX.sym(name, size) for name, size in zip("xab", (2 * n, n, n), strict=True))
+
+    def rates(x: Any, u: Any) -> Any:
+        z, dz = _in_earth_axes(x, n)
+        ddz, turn = statement.rates(ca.vertcat(z, dz), u)[n:], dz[n - 1]
+        c, s = ca.cos(z[n - 1]), ca.sin(z[n - 1])
+        ahead = c * ddz[0] + s * ddz[1] + turn * x[n + 1]
+        aside = -s * ddz[0] + c * ddz[1] - turn * x[n]
+        return ca.vertcat(dz, ahead, aside, ddz[2:])
+
+    middle = (first + last) / 2
+    k1 = rates(x, first)
+    k2 = rates(x + h / 2 * k1, middle)
+    k3 = rates(x + h / 2 * k2, middle)
+    k4 = rates(x + h * k3, last)
+    return ca.Function("step", [x, first, last], [x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
+
+
 class Optimality:
     """First-order optimality within the bounds of the thrust, by derivatives of CasADi alone."""
 
@@ -54,36 +79,12 @@ class Optimality:
         p, n = statement.pieces, statement.inputs
         start, u = ca.MX.sym("x", statement.states), ca.MX.sym("u", self._ends * n * p)
         given = ca.MX.sym("given", statement.parameters, p)
-        step, cost = self._step(statement), statement.functions()[1]
+        step, cost = period_of(statement), statement.functions()[1]
         x, total = start, 0.0
         for k, held in enumerate(ca.vertsplit(u, self._ends * n)):
             x = step(x, held[:n], held[-n:])
             total += cost(ca.vertcat(*_in_earth_axes(x, n)), given[:, k])
         self._cost = ca.Function("cost", [start, u, given], [total, ca.gradient(total, u)])
-
-    @staticmethod
-    def _step(statement: Statement) -> ca.Function:
-        """(pose and body velocity, thrust over its limit at both ends of a period) -> the same a period later.
-
-        The accelerations are those that the inverse dynamics give, turned into body axes.
-        """
-        n, h = statement.inputs, statement.period
-        x, first, last = (ca.SX.sym(name, size) for name, size in zip("xab", (2 * n, n, n), strict=True))
-
-        def rates(x: Any, u: Any) -> Any:
-            z, dz = _in_earth_axes(x, n)
-            ddz, turn = statement.rates(ca.vertcat(z, dz), u)[n:], dz[n - 1]
-            c, s = ca.cos(z[n - 1]), ca.sin(z[n - 1])
-            ahead = c * ddz[0] + s * ddz[1] + turn * x[n + 1]
-            aside = -s * ddz[0] + c * ddz[1] - turn * x[n]
-            return ca.vertcat(dz, ahead, aside, ddz[2:])
-
-        middle = (first + last) / 2
-        k1 = rates(x, first)
-        k2 = rates(x + h / 2 * k1, middle)
-        k3 = rates(x + h / 2 * k2, middle)
-        k4 = rates(x + h * k3, last)
-        return ca.Function("step", [x, first, last], [x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
 
     def judged(self, start: Any, item: Instance, variables: Any) -> tuple[float, float, float]:
         """Objective, residual, and largest thrust over its hard limit less 1, of inputs over their limits ``(p, ·)``,
