@@ -133,7 +133,8 @@ def main() -> None:
             prepare = "" if row["prepare_us_median"] is None else f"{row['prepare_us_median']:.0f}"
             print(
                 f"| {case[-1]} | {form} | {row['error_mean']:.4f} | {row['error_median']:.4f} "
-                f"| {row['error_worst']:.4f} | {row['distance_median']:.3f} | {row['similarity_median']:.4f} | {row['solved']:.1%} "
+                f"| {row['error_worst']:.4f} | {row['distance_median']:.3f} | {row['similarity_median']:.4f} "
+                f"| {row['solved']:.1%} "
                 f"| {row['solve_us_median']:.0f} | {row['solve_us_p99']:.0f} | {prepare} |",
                 flush=True,
             )
