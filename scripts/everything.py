@@ -112,7 +112,7 @@ BENCHMARKS = (
     benchmark("shooting_cold", "--count", "1000", "--json", f"{OUT}/cold.json"),
     benchmark("planner_peers", *SHOOTING_PEERS, "--pieces", "5", name="shooting_peers"),
     benchmark("planner_peers", *SHOOTING_PEERS, "--pieces", "10", name="shooting_peers_10"),
-    benchmark("shooting_loop", "--seeds", "10", "--json", f"{OUT}/loop.json"),
+    benchmark("shooting_closed_loop", "--seeds", "10", "--json", f"{OUT}/loop.json"),
     benchmark("generated_c", "--seeds", "3", minutes=1.5),
     benchmark("kernel_versions", "--base", "e63aa57", "--repeats", "3", minutes=2.0),
     benchmark("single_precision"),

@@ -1,6 +1,6 @@
 """Closed loops of the forms of a plan: the settled error, and what decides it; steps in one part and in two.
 
-    OPENBLAS_NUM_THREADS=1 python benchmarks/shooting_loop.py --seeds 10 --seconds 30 --json loop.json
+    OPENBLAS_NUM_THREADS=1 python benchmarks/shooting_closed_loop.py --seeds 10 --seconds 30 --json loop.json
 
 Cases 2 and 5 with hard limits on thrust and p = 5. "Two parts" is the real-time iteration: ``prepare`` between the
 samples, ``feedback`` when the state is there. Times are wall time of the call in Python, after 2 s. The error is that
