@@ -37,7 +37,9 @@ SETTINGS = {
     "hard": ("case3", ["planner.formulation=hard", "duration_s=15"]),
     "penalty": ("case3", ["planner.formulation=penalty", "duration_s=15"]),
     "sea": ("sea2d", ["duration_s=120"]),
+    "torpedo": ("torpedo2d", ["duration_s=120"]),
 }
+AT_SEA = {"sea", "torpedo"}
 """Run folders of the gallery: configuration and what is set in it."""
 
 _COMPARED = {
@@ -109,7 +111,7 @@ def make_runs() -> Path:
             for kind in ("html", "gif"):
                 if not (files / f"{name}.{kind}").is_file():
                     write_animation(place / name, files / f"{name}.{kind}")
-        for drawn in ("trajectories", "error", "thrust", *(["range"] if name == "sea" else [])):
+        for drawn in ("trajectories", "error", "thrust", *(["range"] if name in AT_SEA else [])):
             shutil.copyfile(place / name / "figures" / f"{drawn}.png", files / f"{name}-{drawn}.png")
     return place
 
@@ -164,7 +166,39 @@ def gallery_page() -> str:
         "",
         f"    gbt-ocp run sea2d --set {' '.join(SETTINGS['sea'][1])}",
         "",
-        "[At sea](../sea.md) says how it is done; [Replay a log](../howto/replay.md) tracks from recorded bearings.",
+        "[At sea](../sea.md) says how it is done.",
+        "",
+    ]
+    torpedo = results["torpedo"].summary
+    lines += [
+        "## A torpedo",
+        "",
+        "A LAUV, which steers with fins and must keep moving, follows a slower boat at the same standoff. It weaves, "
+        "since a straight line would not tell the range.",
+        "",
+        "![Paths of torpedo and boat, with ellipses of what is believed and the standoff](torpedo-trajectories.png)",
+        "",
+        "![Range with what is believed of it, errors in per cent of the range, power and energy](torpedo-range.png)",
+        "",
+        f"Nearest distance {torpedo['distance_min']:.1f} m, error {100.0 * torpedo['relative_error']:.2g} % of the "
+        f"range from {torpedo['track_settling_s']:g} s on.",
+        "",
+        f"    gbt-ocp run torpedo2d --set {' '.join(SETTINGS['torpedo'][1])}",
+        "",
+        "[Vehicles, water, commands](../howto/vehicles.md) has the others.",
+        "",
+        "## A real log",
+        "",
+        "Bearings of a jet boat by two cameras on a ferry that hardly moves (Autoferry data set, Trondheim, May 2021, "
+        "CC0; the log is not part of the package). What is told of the range is little, and the band says so.",
+        "",
+        "![Track of the boat with ellipses](../figures/log_track.png)",
+        "",
+        "![Range with its belief, deviation over range, error](../figures/log_range.png)",
+        "",
+        "    gbt-ocp replay boat_s13_jetboat.csv --bearing-from x",
+        "",
+        "[Replay a log](../howto/replay.md) says what a log must have.",
         "",
     ]
     lines += ["## Penalty against hard limits", "", "The same run, the thrust limits as the paper's penalty and hard."]

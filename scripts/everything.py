@@ -18,6 +18,7 @@ import argparse
 import json
 import os
 import platform
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -37,16 +38,20 @@ class Job:
     Attributes
     ----------
     name
-        Folder below the output's, and what ``--only`` takes.
+        Folder below the output's, what ``--only`` takes, and name of its file of data.
     command
         Arguments after the interpreter; ``{out}`` is the job's own folder, ``{tracks}`` what ``--tracks`` says.
     minutes
         Processor minutes it took where that was measured, else ``None``.
+    tables
+        The files with its tables below the output's folder, as a pattern; by default what it printed and all Markdown
+        in its own folder.
     """
 
     name: str
     command: tuple[str, ...]
     minutes: float | None = None
+    tables: str = ""
 
 
 COUNTS = {"--count", "--seeds", "--runs", "--problems", "--printed", "--ipopt"}
@@ -73,6 +78,12 @@ def going_on(arguments: Sequence[str]) -> list[str]:
     return found
 
 
+def study(name: str, runs: int) -> Job:
+    """The job of a table or a figure of the paper; all share a folder, since figure 6 is of the runs of the tables."""
+    command = own("reproduce", name, "--runs", str(runs), "--out", f"{OUT}/../paper")
+    return Job(name, command, tables=f"paper/{name}/report.md")
+
+
 def own(*arguments: str) -> tuple[str, ...]:
     """The arguments of a command of ``gbt-ocp``."""
     return ("-m", "gbt_ocp.cli", *arguments, "--quiet")
@@ -94,7 +105,7 @@ BENCHMARKS = (
     benchmark("pilot_foreign_loop"),
     benchmark("objectives"),
     benchmark("follower", "sea2d"),
-    benchmark("plant_errors", "sea2d", "case2", "case5"),
+    benchmark("plant_errors", "sea2d", "case2", "case5", "--seeds", "20", "--out", f"{OUT}/runs"),
     benchmark(
         "solver",
         *("--study", "horizon,loop", "--printed", "40", "--figure", f"{OUT}/solver_benchmark.png"),
@@ -119,7 +130,8 @@ BENCHMARKS = (
     benchmark("sweep_rate"),
     benchmark("closed_loop", "--seeds", "10", "--jobs", "2", "--out", f"{OUT}/results.md"),
     Job("public_scenarios", own("benchmark", "--out", f"{OUT}/benchmark")),
-    Job("paper", own("reproduce", "all", "--runs", "50", "--out", f"{OUT}/paper")),
+    *(study(name, 50) for name in ("table2", "table3", "fig5", "fig6")),
+    *(study(name, 10) for name in ("fig4", "fig7", "fig8", "fig9")),
     Job(
         "comparison",
         own("compare", "case2", "case3", "case5", "case6", "--runs", "10", "--problems", "200", "--out", f"{OUT}/all"),
@@ -211,7 +223,7 @@ def carry_out(job: Job, out: Path, tracks: str) -> dict[str, Any]:
         )
     after = os.times()
     found = {
-        "command": ["python", *arguments],
+        "command": printed(job),
         "exit": done.returncode,
         "wall_s": perf_counter() - began,
         # of the process and of all that it waited for
@@ -223,6 +235,13 @@ def carry_out(job: Job, out: Path, tracks: str) -> dict[str, Any]:
     temporary.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     temporary.replace(folder / "result.json")
     return found
+
+
+def printed(job: Job) -> list[str]:
+    """The command as a reader would write it, whatever the folders are called here."""
+    own_command = job.command[:2] == ("-m", "gbt_ocp.cli")
+    begin, rest = (["gbt-ocp"], job.command[2:]) if own_command else (["python"], job.command)
+    return begin + [_filled(part, {f"{OUT}/../paper": "DIR", OUT: "DIR", TRACKS: "TRACKS"}) for part in rest]
 
 
 def _load() -> float:
@@ -267,8 +286,8 @@ def write_summary(out: Path) -> None:
 def write_tables(job: Job, out: Path, data: Path) -> None:
     """Write the tables that a job printed, or left as Markdown, as ``DATA/NAME.json``; a job may have none."""
     folder = out / job.name
-    texts = [folder / "output.txt", *sorted(folder.rglob("*.md"))]
-    if any("|---" in path.read_text(encoding="utf-8", errors="replace") for path in texts):
+    texts = sorted(out.glob(job.tables)) if job.tables else [folder / "output.txt", *sorted(folder.rglob("*.md"))]
+    if any(re.search(r"\| ?:?---", path.read_text(encoding="utf-8", errors="replace")) for path in texts):
         script = str(ROOT / "scripts" / "write_data.py")
         where = ["--name", job.name, "--result", str(folder / "result.json"), "--data", str(data)]
         subprocess.run([sys.executable, script, *map(str, texts), *where], check=True)

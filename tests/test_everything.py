@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -38,6 +39,8 @@ def test_options_are_those_of_the_scripts(everything):
             text = (ROOT / job.command[0]).read_text(encoding="utf-8")
             for option in (part for part in job.command[1:] if part.startswith("--")):
                 assert f'"{option}"' in text, job
+            for option in re.findall(r'"(--[a-z-]+)"[^\n]*required=True', text):
+                assert option in job.command, job
 
 
 def test_a_tenth_of_all_counts_is_quick(everything):
@@ -48,6 +51,12 @@ def test_a_tenth_of_all_counts_is_quick(everything):
             assert few == expected, job
     (scenarios,) = (everything.quick(job) for job in everything.BENCHMARKS if job.name == "public_scenarios")
     assert "--quick" in scenarios.command
+
+
+def test_the_command_is_said_without_the_folders_of_this_machine(everything):
+    said = {job.name: " ".join(everything.printed(job)) for job in everything.BENCHMARKS}
+    assert said["fig4"] == "gbt-ocp reproduce fig4 --runs 10 --out DIR --quiet"
+    assert said["recorded_tracks"] == "python benchmarks/recorded_tracks.py TRACKS --seeds 3"
 
 
 def test_a_study_of_the_paper_goes_on_in_its_folder(everything, tmp_path):
@@ -70,6 +79,7 @@ def test_what_is_finished_is_kept_and_what_failed_is_run_again(everything, tmp_p
     assert (out / "good" / "output.txt").read_text() == "said\n"
     result = json.loads((out / "good" / "result.json").read_text())
     assert result["exit"] == 0
+    assert result["command"] == ["python", "-c", script, str(marks), "g"]
     assert 0.0 < result["processor_s"] < 60.0
     assert result["machine"]["python"].startswith("3.")
     summary = (out / "summary.md").read_text()
@@ -94,3 +104,20 @@ def test_tables_that_a_job_printed_become_data(everything, tmp_path, monkeypatch
     found = json.loads((tmp_path / "data" / "table.json").read_text(encoding="utf-8"))
     assert found["tables"] == {"errors": {"columns": ["case", "m"], "rows": [["1", "0.5"]]}}
     assert found["commit"] == everything.machine()["commit"]
+
+
+def test_tables_in_a_folder_that_jobs_share_become_data_of_each(everything, tmp_path, monkeypatch):
+    script = "import pathlib, sys; p = pathlib.Path(sys.argv[1]); p.mkdir(parents=True); "
+    script += "(p / 'x.md').write_text(sys.argv[2])"
+    jobs = [
+        everything.Job(
+            name, ("-c", script, f"{everything.OUT}/../paper/{name}", f"# {name}\n\n| a |\n|---|\n| 1 |\n"),
+            tables=f"paper/{name}/*.md",
+        )
+        for name in ("one", "two")
+    ]  # fmt: skip
+    monkeypatch.setattr(everything, "jobs", lambda: jobs)
+    assert everything.main(["--out", str(tmp_path / "out"), "--data", str(tmp_path / "data")]) == 0
+    for name in ("one", "two"):
+        found = json.loads((tmp_path / "data" / f"{name}.json").read_text(encoding="utf-8"))
+        assert list(found["tables"]) == [name]

@@ -305,13 +305,18 @@ def test_the_filter_in_c_remembers_what_it_is_saved_with(tmp_path):
     [
         (
             "sea2d",
-            "tracker={kind: held_turn}",
-            "--pilot: tracker.kind: found held_turn; allowed: motion_gp, ekf, or gp for exact bearings",
+            "tracker={kind: imm_ekf}",
+            "--pilot: tracker.kind: found imm_ekf; allowed: mixture, held_turn, motion_gp, ekf, or gp for exact",
+        ),
+        (
+            "sea2d",
+            "tracker.members=[held_turn, ekf]",
+            "--pilot: tracker.members: found held_turn, ekf; allowed in C: held_turn and imm_ekf, both of them",
         ),
         (
             "case2",
             "sensor.noise_deg=1.0",
-            "--pilot: tracker.kind: found gp for noisy bearings; allowed: motion_gp, ekf, or gp for",
+            "--pilot: tracker.kind: found gp for noisy bearings; allowed: mixture, held_turn, motion_gp, ekf, or",
         ),
         ("case2", "guidance.kind=static", "--pilot: guidance.kind: found static; allowed: planner"),
         (

@@ -8,7 +8,7 @@ from gbt_ocp.experiments.config.guidance import PlannerGuidanceSection
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.pilot.pilot_source import pilot_files
 
-TRACKERS_IN_C = ("ekf", "gp", "motion_gp")
+TRACKERS_IN_C = ("ekf", "gp", "motion_gp", "held_turn", "mixture")
 """Kinds of trackers that there are in C."""
 
 
@@ -33,7 +33,10 @@ def pilot_sources(configuration: Configuration) -> dict[str, str]:
     if kind not in TRACKERS_IN_C or (noisy and getattr(configuration.tracker, "noise", None) is not None):
         found = "gp for noisy bearings" if noisy else kind
         raise ConfigurationError(
-            [f"--pilot: tracker.kind: found {found}; allowed: motion_gp, ekf, or gp for exact bearings"]
+            [
+                f"--pilot: tracker.kind: found {found}; allowed: mixture, held_turn, motion_gp, ekf, or gp for exact "
+                "bearings"
+            ]
         )
     if not isinstance(guidance, PlannerGuidanceSection):
         raise ConfigurationError([f"--pilot: guidance.kind: found {guidance.kind}; allowed: planner"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import math
 from functools import cache
 from typing import Any
 
@@ -13,14 +12,13 @@ from numpy.typing import ArrayLike
 from gbt_ocp.models.measurements import MeasurementKind, Sighting
 from gbt_ocp.ocp.codegen.library import load_library
 from gbt_ocp.pilot.pilot_source import UNLISTED
-from gbt_ocp.pilot.tracker_source import TrackerInC, called
+from gbt_ocp.pilot.tracker_source import called, extended_in_c, laid_out
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
 from gbt_ocp.tracking.filters.motion_models import size_estimate
 from gbt_ocp.tracking.polar import checked_sighting, is_bearing
 from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import checked_sample
-from gbt_ocp.typing import Array
 
 KINDS_IN_C: tuple[MeasurementKind, ...] = ("azimuth", "azimuth_elevation", "elevation", "range", "size", "position")
 """Kinds of measurements by their numbers in C."""
@@ -50,9 +48,11 @@ class CompiledExtendedKalmanFilter(ExtendedKalmanFilter):
     def __init__(
         self, guess: FirstGuess, *, process_noise: float, bearing_std: float, size: LogNormal | None = None
     ) -> None:
-        d = len(guess.prior.start)
-        self._library = _library(d, size is not None)
-        self._numbers = _settings(d, guess, process_noise, bearing_std, size)
+        made = extended_in_c(guess, process_noise, bearing_std, size)
+        self._library = load_library(made.alone(len(guess.prior.start), UNLISTED))
+        self._library.gbt_ekf_bytes.restype = ctypes.c_size_t
+        self._library.gbt_ekf_predict.restype = self._library.gbt_ekf_begin.restype = None
+        self._numbers = np.frombuffer(laid_out(made.settings), dtype=float).copy()
         self._memory = np.zeros(self._library.gbt_ekf_bytes() // 8 + 1)
         self._sensors: dict[str, int] = {}
         super().__init__(guess, process_noise=process_noise, bearing_std=bearing_std, size=size)
@@ -68,7 +68,7 @@ class CompiledExtendedKalmanFilter(ExtendedKalmanFilter):
     @property
     def _state(self) -> Any:
         """The memory as the struct of C."""
-        return _structures(len(self._guess.prior.start), self._size_prior is not None)[1].from_buffer(self._memory)
+        return _structure(len(self._guess.prior.start), self._size_prior is not None).from_buffer(self._memory)
 
     @property
     def new_tracks(self) -> int:
@@ -145,49 +145,11 @@ def _sighting_struct(d: int) -> Any:
     return type("Sighting", (ctypes.Structure,), {"_fields_": fields})
 
 
-def _structures(d: int, sized: bool) -> tuple[Any, Any]:
-    """The structs of C: settings, and the beginning of a filter."""
-    key = (d, sized)
-    if key not in _KNOWN:
-        number, whole, n = ctypes.c_double, ctypes.c_int, 2 * d + sized
-        names = ("process_noise", "bearing_std", "range", "range_std", "speed_std", "log_size", "log_size_std")
-        places = [("known_mean", number * d), ("known_covariance", number * (d * d))]
-        settings = [*((name, number) for name in names), ("known", whole), *places]
-        gaps = [(name, number) for name in ("span", "measurements", "unknown", "began", "latest")]
-        state = [("count", whole), *gaps, ("taken", whole), ("_fill", whole), ("begun", whole), ("time", number)]
-        state += [("known", whole), ("start", number * d), ("mean", number * n), ("covariance", number * (n * n))]
-        made = [
-            type(name, (ctypes.Structure,), {"_fields_": fields})
-            for name, fields in (("Settings", settings), ("State", state))
-        ]
-        _KNOWN[key] = (made[0], made[1])
-    return _KNOWN[key]
-
-
-_KNOWN: dict[tuple[int, bool], tuple[Any, Any]] = {}
-
-
-def _settings(d: int, guess: FirstGuess, process_noise: float, bearing_std: float, size: LogNormal | None) -> Array:
-    """The settings as C reads them, byte by byte."""
-    known = guess.prior.known
-    made = _structures(d, size is not None)[0](
-        process_noise=process_noise,
-        bearing_std=bearing_std,
-        range=guess.prior.range,
-        range_std=guess.range_std,
-        speed_std=guess.speed_std,
-        log_size=0.0 if size is None else math.log(size.median),
-        log_size_std=1.0 if size is None else size.log_std,
-        known=known is not None,
-    )
-    if known is not None:
-        made.known_mean[:], made.known_covariance[:] = known[0].tolist(), known[1].ravel().tolist()
-    return np.frombuffer(bytes(made), dtype=float).copy()
-
-
-def _library(d: int, sized: bool) -> ctypes.CDLL:
-    """The filter by itself."""
-    library = load_library(TrackerInC("ekf", {}, {"SIZED": int(sized)}).alone(d, UNLISTED))
-    library.gbt_ekf_bytes.restype = ctypes.c_size_t
-    library.gbt_ekf_predict.restype = library.gbt_ekf_begin.restype = None
-    return library
+@cache
+def _structure(d: int, sized: bool) -> Any:
+    """The struct of C: the beginning of a filter."""
+    number, whole, n = ctypes.c_double, ctypes.c_int, 2 * d + sized
+    gaps = [(name, number) for name in ("span", "measurements", "unknown", "began", "latest")]
+    state = [("count", whole), *gaps, ("taken", whole), ("_fill", whole), ("begun", whole), ("time", number)]
+    state += [("known", whole), ("start", number * d), ("mean", number * n), ("covariance", number * (n * n))]
+    return type("State", (ctypes.Structure,), {"_fields_": state})

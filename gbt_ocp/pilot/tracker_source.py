@@ -12,8 +12,12 @@ from typing import Any
 import numpy as np
 
 from gbt_ocp.ocp.codegen.library import kernel_files
-from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter
+from gbt_ocp.pilot.mixture_source import first_guess_in_c, held_turn_in_c, known_position, mixture_in_c
+from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
+from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
+from gbt_ocp.tracking.mixture import MixtureTracker
+from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.tracking.shape.processes import unit_factors
 from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
 from gbt_ocp.typing import Array
@@ -37,17 +41,26 @@ SIZES = {
     "STARTS": "ranges at which a track is begun",
     "HYPOTHESES": "distinct motions that are kept",
     "OWN_NOISE": "whether the own position has an error",
+    "BLOCKS_OF_STATE": "derivatives in the state of a filter, from the position on",
+    "COMPONENTS": "Gaussians of held turn rates",
+    "HELD_NODES": "nodes ahead at which these are forecast",
+    "MEMBERS": "trackers of a mixture",
 }
 """Sizes of a tracker by name, and what they are."""
 
 _KERNELS = ("se", "matern32", "matern52", "rq")
 
-_SHAPE = ("gbt_bins", "gbt_singles", "gbt_motions", "gbt_shape_", "gbt_track_memory", "gbt_motion_gp")
+_BINNED = ("gbt_bins", "gbt_noise", "gbt_mixed", "gbt_nodes", "gbt_polar.")
+_SHAPE = ("gbt_singles", "gbt_motions", "gbt_shape_", "gbt_track_memory", "gbt_motion_gp")
+_FILTER = ("gbt_first_guess", "gbt_kalman", "gbt_polar")
+_HELD = ("gbt_held_", "gbt_lost", "gbt_singles", "gbt_waiting", *_BINNED)
 
 _NEEDED = {
-    "ekf": ("gbt_ekf", "gbt_kalman", "gbt_polar"),
+    "ekf": ("gbt_ekf", *_FILTER),
     "gp": ("gbt_gp", "gbt_breaks", "gbt_wide"),
-    "motion_gp": ("gbt_polar.", *_SHAPE),
+    "motion_gp": (*_BINNED, *_SHAPE),
+    "held_turn": _HELD,
+    "mixture": ("gbt_mixture", "gbt_imm", "gbt_binned", *_FILTER, *_HELD),
 }
 """Beginnings of the names of the files that a tracker needs and not all others do."""
 
@@ -68,7 +81,7 @@ class TrackerInC:
     Attributes
     ----------
     name
-        ``ekf``, ``gp`` or ``motion_gp``.
+        ``ekf``, ``gp``, ``motion_gp``, ``held_turn`` or ``mixture``.
     settings
         Fields of its struct of settings.
     sizes
@@ -134,32 +147,36 @@ def tracker_in_c(
     """
     if isinstance(tracker, MotionShapeTracker):
         return _motion(tracker, samples(tracker.bins.width), others)
+    if isinstance(tracker, MixtureTracker):
+        return TrackerInC("mixture", *mixture_in_c(tracker, samples), _MIXTURE_DOUBLES)
+    if isinstance(tracker, HeldTurnTracker):
+        return TrackerInC("held_turn", *held_turn_in_c(tracker, samples), _MIXTURE_DOUBLES)
     if isinstance(tracker, ExtendedKalmanFilter):
         return _extended(tracker)
     if isinstance(tracker, GaussianProcessTracker):
         return _process(tracker)
     raise ValueError(
-        f"tracker.kind: found one that is a {type(tracker).__name__}; allowed: motion_gp, ekf, or gp for exact bearings"
+        f"tracker.kind: found one that is a {type(tracker).__name__}; allowed: mixture, held_turn, motion_gp, ekf, or "
+        "gp for exact bearings"
     )
 
 
+_MIXTURE_DOUBLES = ("correlation_time", "width", "window", "forgetting")
+
+
 def _extended(tracker: ExtendedKalmanFilter) -> TrackerInC:
-    guess, process_noise, bearing_std, size = tracker.settings
-    d = len(guess.prior.start)
-    mean, covariance = (np.zeros(d), np.zeros((d, d))) if guess.prior.known is None else guess.prior.known
+    return extended_in_c(*tracker.settings)
+
+
+def extended_in_c(guess: FirstGuess, process_noise: float, bearing_std: float, size: LogNormal | None) -> TrackerInC:
+    """An extended Kalman filter as C, by its parameters."""
     settings = {
         "process_noise": process_noise,
-        "bearing_std": bearing_std,
-        "range": guess.prior.range,
-        "range_std": guess.range_std,
-        "speed_std": guess.speed_std,
         "log_size": 0.0 if size is None else math.log(size.median),
         "log_size_std": 1.0 if size is None else size.log_std,
-        "known": int(guess.prior.known is not None),
-        "known_mean": mean,
-        "known_covariance": covariance,
+        "guess": first_guess_in_c(guess, bearing_std),
     }
-    return TrackerInC("ekf", settings, {"SIZED": int(size is not None)})
+    return TrackerInC("ekf", settings, {"SIZED": int(size is not None), "BLOCKS_OF_STATE": 2})
 
 
 def _process(tracker: GaussianProcessTracker) -> TrackerInC:
@@ -192,11 +209,11 @@ def _process(tracker: GaussianProcessTracker) -> TrackerInC:
 
 def _motion(tracker: MotionShapeTracker, samples: int, others: int) -> TrackerInC:
     shape, noise, update, starts, hypotheses, memory, iterations, gate, size, position = tracker.settings
-    (knot, span, slow, blocks), prior, d, bins = shape.knots, shape.prior, tracker.dimension, tracker.bins
+    (knot, span, slow, blocks), prior, bins = shape.knots, shape.prior, tracker.bins
     if not update > 0.0:
         raise ValueError("tracker.update_s: found 0; allowed in C: a number > 0")
     factors = unit_factors(prior, knot, slow, blocks)
-    known = (np.zeros(d), np.zeros((d, d))) if position.known is None else position.known
+    known = known_position(position)
     settings = {
         "prior": {
             "knot": knot,
@@ -228,10 +245,10 @@ def _motion(tracker: MotionShapeTracker, samples: int, others: int) -> TrackerIn
         "starts": np.asarray(starts, dtype=float),
         "estimated": int(noise.estimated),
         "iterations": iterations,
-        "known": int(position.known is not None),
+        "known": known["known"],
         "unused": 0,
-        "known_mean": known[0],
-        "known_covariance": known[1],
+        "known_mean": known["known_mean"],
+        "known_covariance": known["known_covariance"],
     }
     count = math.ceil(bins.window / bins.width) + 2
     sizes = {
@@ -263,7 +280,7 @@ def c_number(value: Any, doubles: Collection[str] = ()) -> str:
         return f"{{{initialiser(value, doubles, ', ')}}}"
     if isinstance(value, np.ndarray):
         return "{" + ", ".join(c_number(one) for one in value) + "}"
-    if isinstance(value, int):
+    if isinstance(value, int | np.integer):
         return str(value)
     return f"(gbt_real){'HUGE_VAL' if math.isinf(value) else repr(float(value))}"
 
@@ -271,9 +288,12 @@ def c_number(value: Any, doubles: Collection[str] = ()) -> str:
 def initialiser(values: Mapping[str, Any], doubles: Collection[str] = (), between: str = ",\n    ") -> str:
     """Fields of a struct in C; those named are double in both precisions."""
     return between.join(
-        f".{name} = {repr(float(value)) if name in doubles else c_number(value, doubles)}"
-        for name, value in values.items()
+        f".{name} = {_double(value) if name in doubles else c_number(value, doubles)}" for name, value in values.items()
     )
+
+
+def _double(value: float) -> str:
+    return "HUGE_VAL" if math.isinf(value) else repr(float(value))
 
 
 def called(function: Any, *given: Any) -> int:
@@ -289,8 +309,8 @@ def laid_out(settings: Mapping[str, Any]) -> bytes:
     for value in settings.values():
         if isinstance(value, Mapping):
             part = laid_out(value)
-        elif isinstance(value, int):
-            found += np.array([value], dtype=np.int32).tobytes()
+        elif isinstance(value, int) or getattr(value, "dtype", None) == np.int32:
+            found += np.array(value, dtype=np.int32).tobytes()
             continue
         else:
             part = np.asarray(value, dtype=float).tobytes()

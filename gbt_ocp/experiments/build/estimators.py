@@ -7,13 +7,17 @@ when the first one is called.
 from __future__ import annotations
 
 import math
-from typing import Any
+import warnings
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 from gbt_ocp.experiments.build.mixture_members import mixture_member
 from gbt_ocp.experiments.build.noise import bearing_noise, noise_of
 from gbt_ocp.experiments.config import tracker as sections
 from gbt_ocp.experiments.config.noise import NoisyBearingsSection, filter_std
 from gbt_ocp.models.sensors import BearingSensor
+from gbt_ocp.ocp.codegen.library import CompilerError, find_compiler
+from gbt_ocp.pilot.mixture_source import MEMBERS_IN_C
 from gbt_ocp.tracking.displacement.hypotheses import MotionPriors
 from gbt_ocp.tracking.displacement.tracker import NoisyGaussianProcessTracker
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess, ImmExtendedTracker
@@ -151,14 +155,44 @@ def mixture(section: sections.MixtureSection, prior: PositionPrior, sensor: Bear
         name: motion(section, prior, sensor) if name == "motion_gp" else mixture_member(name, section, prior, noise)
         for name in section.members
     }
-    return MixtureTracker(
-        len(prior.start),
-        members,
-        noise,
-        bin_width=2.0 * section.member_bin_s,
-        gate=math.inf if section.gate is None else section.gate,
-        forgetting=section.evidence_s or math.inf,
-    )
+
+    def made(tracker: type[MixtureTracker]) -> MixtureTracker:
+        return tracker(
+            len(prior.start),
+            members,
+            noise,
+            bin_width=2.0 * section.member_bin_s,
+            gate=math.inf if section.gate is None else section.gate,
+            forgetting=section.evidence_s or math.inf,
+        )
+
+    if section.engine == "auto" and {*section.members} != {*MEMBERS_IN_C}:
+        return made(MixtureTracker)
+    return _by_engine(section.engine, MixtureTracker, "CompiledMixtureTracker", made)
+
+
+_Made = TypeVar("_Made")
+
+
+def _by_engine(engine: str, in_numpy: type[_Made], in_c: str, made: Callable[[type[_Made]], _Made]) -> _Made:
+    """A tracker in numpy, or by the class of a name in :mod:`gbt_ocp.pilot.compiled_bank`.
+
+    Warns
+    -----
+    RuntimeWarning
+        If ``auto`` finds a compiler that does not work.
+    """
+    if engine == "numpy" or (engine == "auto" and find_compiler() is None):
+        return made(in_numpy)
+    from gbt_ocp.pilot import compiled_bank
+
+    try:
+        return made(getattr(compiled_bank, in_c))
+    except CompilerError as reason:
+        if engine == "compiled":
+            raise
+        warnings.warn(f"tracker.engine: auto takes numpy, which is slower: {reason}", RuntimeWarning, stacklevel=2)
+        return made(in_numpy)
 
 
 def held_turn(section: sections.HeldTurnSection, prior: PositionPrior, sensor: BearingSensor) -> HeldTurnTracker:
@@ -172,15 +206,19 @@ def held_turn(section: sections.HeldTurnSection, prior: PositionPrior, sensor: B
         speed_time=section.speed_time_s,
         climb_std=section.climb_std,
     )
-    return HeldTurnTracker(
-        len(prior.start),
-        noise=bearing_noise(section.noise, sensor),
-        prior=motion_prior,
-        bin_width=section.bin_s,
-        components=section.components,
-        gate=math.inf if section.gate is None else section.gate,
-        position=prior,
-    )
+
+    def made(tracker: type[HeldTurnTracker]) -> HeldTurnTracker:
+        return tracker(
+            len(prior.start),
+            noise=bearing_noise(section.noise, sensor),
+            prior=motion_prior,
+            bin_width=section.bin_s,
+            components=section.components,
+            gate=math.inf if section.gate is None else section.gate,
+            position=prior,
+        )
+
+    return _by_engine(section.engine, HeldTurnTracker, "CompiledHeldTurnTracker", made)
 
 
 # ---- filters --------------------------------------------------------------------------------------------------------

@@ -40,6 +40,7 @@ def inconsistencies(merged: Mapping[str, Any], problem: TrackingProblem | None) 
     yield from _sizes(merged)
     yield from _limits(merged, problem)
     yield from _noise(merged)
+    yield from _engine(merged)
     yield from _one_of(merged, ("desired_bearing",), "m", "period_s")
     if isinstance(value_at(merged, ("tracker", "prior")), Mapping):
         yield from _one_of(merged, ("tracker", "prior"), "std", "covariance")
@@ -162,6 +163,18 @@ def without_effect(merged: Mapping[str, Any], beneath: Mapping[str, Any]) -> Ite
         if value not in (NOTHING, default, below):
             why = "tracker.noise has keys of its own" if isinstance(noise, Mapping) else "sensor.noise_deg is above 0"
             yield Fault(path, shown(value), f"only with tracker.noise: null, without effect here ({why})")
+
+
+def _engine(merged: Mapping[str, Any]) -> Iterator[Fault]:
+    """A mixture whose members are not those that there are in C."""
+    members = value_at(merged, ("tracker", "members"))
+    mixture = value_at(merged, ("tracker", "kind")) == "mixture" and isinstance(members, list | tuple)
+    if mixture and value_at(merged, ("tracker", "engine")) == "compiled":
+        from gbt_ocp.pilot.mixture_source import MEMBERS_IN_C  # which loads CasADi
+
+        if set(map(str, members)) != {*MEMBERS_IN_C}:
+            allowed = f"auto or numpy beside these tracker.members; compiled has {' and '.join(MEMBERS_IN_C)}"
+            yield Fault(("tracker", "engine"), "'compiled'", allowed)
 
 
 def _bins(merged: Mapping[str, Any], path: tuple[str, ...], section: type[Section], least: int) -> Iterator[Fault]:

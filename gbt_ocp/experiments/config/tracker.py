@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, ValidationInfo
 
+from gbt_ocp.experiments.config.engine import engine, engine_or_auto
 from gbt_ocp.experiments.config.keys import (
     Covariance,
     PositionNumbers,
@@ -22,12 +23,6 @@ from gbt_ocp.experiments.config.keys import (
 from gbt_ocp.experiments.config.noise import LEAST_STD_DEG, NoiseSection, NoisyBearingsSection
 
 SizeNumbers = Annotated[tuple[Positive, ...], Field(min_length=2, max_length=2), BeforeValidator(as_tuples)]
-
-
-def _engine() -> Any:
-    return key(
-        "numpy", "What does the arithmetic of motion_gp, ekf, and gp without noise: numpy, or the C of codegen --pilot."
-    )
 
 
 def _size() -> Any:
@@ -114,7 +109,7 @@ class GaussianProcessSection(ProcessSection):
         "sensor, null, or a mapping",
     )
     size: SizeNumbers | None = _size()
-    engine: Literal["numpy", "compiled"] = _engine()
+    engine: Literal["numpy", "compiled"] = engine()
 
 
 class CoregionalizedSection(ProcessSection):
@@ -179,7 +174,7 @@ class MotionSection(ShapeSection):
 
     kind: Literal["motion_gp"] = key(..., "Gaussian process on turn rate and log speed.")
     size: SizeNumbers | None = _size()
-    engine: Literal["numpy", "compiled"] = _engine()
+    engine: Literal["numpy", "compiled"] = engine()
 
 
 def _once_each(value: tuple[str, ...]) -> tuple[str, ...]:
@@ -209,6 +204,7 @@ class MixtureSection(ShapeSection):
         gt=0.0,
     )
     hold_s: float = key(20.0, "Mean time in s for which a turn is held; the time scale of the members' motion.", gt=0.0)
+    engine: Literal["auto", "numpy", "compiled"] = engine_or_auto()
 
 
 class HeldTurnSection(TrackerSection):
@@ -230,6 +226,7 @@ class HeldTurnSection(TrackerSection):
     speed_time_s: float = key(30.0, "Time scale of the change of log speed in s.", gt=0.0)
     climb_std: float = key(0.1, "Standard deviation of a vertical speed when it is drawn, in m/s, in space.", gt=0.0)
     components: int = key(200, "Gaussians kept once the range is known.", ge=1)
+    engine: Literal["auto", "numpy", "compiled"] = engine_or_auto()
 
 
 class BaselineSection(TrackerSection):
@@ -323,7 +320,7 @@ class ExtendedKalmanSection(ExtendedSection):
     """Extended Kalman filter."""
 
     kind: Literal["ekf"] = key(..., "Extended Kalman filter.")
-    engine: Literal["numpy", "compiled"] = _engine()
+    engine: Literal["numpy", "compiled"] = engine()
 
 
 class InteractingExtendedSection(ExtendedSection):

@@ -41,6 +41,14 @@ void gbt_unit_of_angles(const gbt_real *angles, gbt_real *bearing)
 #endif
 }
 
+void gbt_angles_of(const gbt_real *bearing, gbt_real *angles)
+{
+    angles[0] = gbt_atan2(bearing[1], bearing[0]);
+#if GBT_DIMENSION == 3
+    angles[1] = gbt_atan2(bearing[2], gbt_hypot(bearing[0], bearing[1]));
+#endif
+}
+
 void gbt_tangent_basis(const gbt_real *bearing, gbt_real basis[GBT_AXES][D])
 {
 #if GBT_DIMENSION == 2
@@ -89,4 +97,15 @@ void gbt_log_map(const gbt_real *expected, const gbt_real *measured, gbt_real ba
     const gbt_real longer = gbt_atan2(sine, cosine) / sine;
     for (int a = 0; a < GBT_AXES; a++) angle[a] *= longer;
 #endif
+}
+
+void gbt_across(gbt_real basis[GBT_AXES][D], const gbt_real *covariance, gbt_real *across)
+{
+    for (int a = 0; a < GBT_AXES; a++)
+        for (int b = 0; b < GBT_AXES; b++) {
+            gbt_real sum = 0;
+            for (int i = 0; i < D; i++)
+                for (int j = 0; j < D; j++) sum += basis[a][i] * covariance[i * D + j] * basis[b][j];
+            across[a * GBT_AXES + b] = sum;
+        }
 }

@@ -14,6 +14,24 @@ int gbt_bins_full(const gbt_bins *bins, const gbt_binning *binning, double time)
            bins->samples >= GBT_BIN_SAMPLES;
 }
 
+int gbt_bins_can_add(const gbt_bins *bins, const gbt_binning *binning, double time)
+{
+    return time > bins->latest && time < HUGE_VAL && !gbt_bins_full(bins, binning, time);
+}
+
+int gbt_bins_filled_by(const gbt_bins *bins, const gbt_binning *binning, double time)
+{
+    return bins->count > 0 && floor(time / binning->width) != floor(bins->latest / binning->width);
+}
+
+void gbt_bins_shift(gbt_bins *bins, const gbt_real *way)
+{
+    for (int j = 0; j < D; j++) {
+        for (int k = 0; k < bins->count; k++) bins->bin[k].own[j] -= way[j];
+        for (int k = 0; k < bins->samples; k++) bins->sample[k].own[j] -= way[j];
+    }
+}
+
 double gbt_bins_begin(const gbt_bins *bins, const gbt_binning *binning) { return bins->bin[0].index * binning->width; }
 
 /* The median of some numbers, which are put in order. */

@@ -42,6 +42,15 @@ void gbt_bins_clear(gbt_bins *bins);
 /* Whether there is no room for a bearing of this time. */
 int gbt_bins_full(const gbt_bins *bins, const gbt_binning *binning, double time);
 
+/* Whether a bearing can be added: it is later than the last one, and there is room. */
+int gbt_bins_can_add(const gbt_bins *bins, const gbt_binning *binning, double time);
+
+/* Whether a bearing of this time is no longer of the newest bin, which is full then. */
+int gbt_bins_filled_by(const gbt_bins *bins, const gbt_binning *binning, double time);
+
+/* Moves the origin of all positions by a way, GBT_DIMENSION. */
+void gbt_bins_shift(gbt_bins *bins, const gbt_real *way);
+
 /* Adds a bearing for which there is room; expected may be 0 and is then the first bearing of the bin. */
 void gbt_bins_add(gbt_bins *bins, const gbt_binning *binning, double time, const gbt_real *bearing, const gbt_real *own,
                   const gbt_real *expected, int suspect, gbt_real weight);

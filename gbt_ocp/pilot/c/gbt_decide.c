@@ -116,7 +116,7 @@ static void predict(gbt_pilot *pilot, double time, const gbt_real *own)
 {
     gbt_forecast *forecast = &pilot->forecast, *usable = &pilot->usable;
     int finite = 1;
-    gbt_tracker_predict(&pilot->tracker, time, forecast);
+    gbt_tracker_predict(&pilot->tracker, &pilot->guidance.room.tracking.work, time, forecast);
     for (int k = 0; k <= GBT_AHEAD; k++) {
         finite = finite && gbt_finite(forecast->mean[k], D);
         for (int a = 0; a < D * D; a++) finite = finite && !isinf(forecast->covariance[k][a / D][a % D]);

@@ -6,7 +6,6 @@
 #define D GBT_DIMENSION
 #define N GBT_N
 #define NEAREST ((gbt_real)1e-2)           /* range below which a bearing says no more about the position across it, m */
-#define UNKNOWN_ELEVATION ((gbt_real)0.5)  /* deviation of the elevation at a first azimuth, rad */
 #define FILTER_WINDOW 100                  /* measurements that count as the window of a filter */
 
 static const gbt_own_velocities unmoved;
@@ -18,7 +17,7 @@ void gbt_ekf_begin(gbt_ekf *filter, const gbt_ekf_settings *settings, const gbt_
     gbt_gaps_init(&filter->gaps, 0, FILTER_WINDOW);
     filter->begun = 0;
     filter->time = 0;
-    filter->known = settings->known;
+    filter->known = settings->guess.known;
     filter->own = unmoved;
     for (int k = 0; k < D; k++) {
         filter->start[k] = start[k];
@@ -36,7 +35,7 @@ void gbt_ekf_shift(gbt_ekf *filter, const gbt_real *way)
         filter->start[k] -= way[k];
         filter->zero[k] -= way[k];
         if (filter->begun) filter->mean[k] -= way[k];
-        for (int s = 0; s < GBT_SENSORS; s++) filter->own.position[s][k] -= way[k];
+        for (int s = 0; s <= GBT_SENSORS; s++) filter->own.position[s][k] -= way[k];
     }
 }
 
@@ -47,51 +46,6 @@ static void restart(gbt_ekf *filter, const gbt_real *own)
     filter->known = 0;
     filter->own = unmoved;
     for (int k = 0; k < D; k++) filter->start[k] = own[k];
-}
-
-/* A position on a bearing: across it wide enough to leave that to the bearing, and no wider. */
-static void on_bearing(const gbt_ekf_settings *settings, const gbt_real *bearing, const gbt_real *own, gbt_real deviation,
-                       gbt_real *mean, gbt_real covariance[D][D])
-{
-    const gbt_real across = gbt_fmax(10 * deviation, (gbt_real)0.1) * settings->range;
-    for (int i = 0; i < D; i++) {
-        mean[i] = own[i] + settings->range * bearing[i];
-        for (int j = 0; j < D; j++) {
-            const gbt_real along = bearing[i] * bearing[j];
-            covariance[i][j] = settings->range_std * settings->range_std * along + across * across * ((i == j) - along);
-        }
-    }
-}
-
-/* The position before the first measurement is taken; 0 if that does not say where the target is and nothing else does. */
-static int first_guess(const gbt_ekf *filter, const gbt_ekf_settings *settings, const gbt_sighting *sighting,
-                       gbt_real *mean, gbt_real covariance[D][D])
-{
-    const int azimuth = sighting->kind == GBT_AZIMUTH, both = sighting->kind == GBT_AZIMUTH_ELEVATION;
-    gbt_real bearing[D], deviation = settings->bearing_std;
-    const gbt_real angles[2] = {sighting->value[0], both ? sighting->value[1] : 0};
-    if (filter->known) {
-        for (int i = 0; i < D; i++) {
-            mean[i] = filter->zero[i] + settings->known_mean[i];
-            for (int j = 0; j < D; j++) covariance[i][j] = settings->known_covariance[i][j];
-        }
-        return 1;
-    }
-    if (sighting->kind == GBT_POSITION) {
-        for (int i = 0; i < D; i++) {
-            mean[i] = sighting->value[i];
-            for (int j = 0; j < D; j++) covariance[i][j] = i == j ? 4 * sighting->std[i] * sighting->std[i] : 0;
-        }
-        return 1;
-    }
-    if (!azimuth && !both) return 0;
-    for (int k = 0; sighting->stated && k < gbt_components(sighting->kind); k++)
-        deviation = gbt_fmax(deviation, sighting->std[k]);
-    gbt_unit_of_angles(angles, bearing);
-    on_bearing(settings, bearing, sighting->position, deviation, mean, covariance);
-    if (azimuth && D == 3)
-        covariance[D - 1][D - 1] += UNKNOWN_ELEVATION * settings->range * UNKNOWN_ELEVATION * settings->range;
-    return 1;
 }
 
 static void step_ahead(gbt_ekf *filter, const gbt_ekf_settings *settings, double seconds)
@@ -120,13 +74,13 @@ static int advance(gbt_ekf *filter, const gbt_ekf_settings *settings, const gbt_
     if (filter->begun) {
         step_ahead(filter, settings, sighting->time - filter->time);
     } else {
-        if (!first_guess(filter, settings, sighting, filter->mean, spread)) return 0;
+        if (!gbt_guess(&settings->guess, filter->known, filter->zero, sighting, filter->mean, spread)) return 0;
         for (int i = 0; i < N; i++) {
             if (i >= D) filter->mean[i] = i < 2 * D ? 0 : settings->log_size;
             for (int j = 0; j < N; j++)
                 filter->covariance[i][j] = i < D && j < D ? spread[i][j]
                                            : i != j       ? 0
-                                           : i < 2 * D    ? settings->speed_std * settings->speed_std
+                                           : i < 2 * D    ? settings->guess.speed_std * settings->guess.speed_std
                                                           : settings->log_size_std * settings->log_size_std;
         }
         filter->begun = 1;
@@ -154,9 +108,9 @@ static int update(gbt_ekf *filter, const gbt_ekf_settings *settings, const gbt_s
     gbt_log_map(unit, seen, basis, angle);
     for (int a = 0; a < GBT_AXES; a++) {
         for (int j = 0; j < N; j++) observation[a][j] = j < D ? basis[a][j] / gbt_fmax(distance, NEAREST) : 0;
-        std[a] = settings->bearing_std;
+        std[a] = settings->guess.bearing_std;
     }
-    return gbt_kalman_update(filter->mean, filter->covariance, GBT_AXES, observation, std, angle);
+    return gbt_kalman_update(filter->mean, filter->covariance, GBT_AXES, observation, std, angle, 0);
 }
 
 int gbt_ekf_take(gbt_ekf *filter, const gbt_ekf_settings *settings, const gbt_sighting *sighting)
@@ -165,11 +119,11 @@ int gbt_ekf_take(gbt_ekf *filter, const gbt_ekf_settings *settings, const gbt_si
     gbt_real mean[D], spread[D][D];
     if (!gbt_can_take(sighting, filter->begun, filter->time)) return 0;
     if (gbt_is_bearing(sighting) && !sighting->stated) return update(filter, settings, sighting);
-    if (!filter->begun && !first_guess(filter, settings, sighting, mean, spread)) return 0;
+    if (!filter->begun && !gbt_guess(&settings->guess, filter->known, filter->zero, sighting, mean, spread)) return 0;
     if (!advance(filter, settings, sighting)) return 0;
-    gbt_polar_of(sighting, filter->mean, settings->bearing_std, filter->mean[N - 1], &rows);
+    gbt_polar_of(sighting, filter->mean, settings->guess.bearing_std, filter->mean[N - 1], &rows);
     gbt_own_velocity(&filter->own, sighting);
-    return gbt_polar_update(filter->mean, filter->covariance, &rows, sighting->position, filter->own.velocity);
+    return gbt_polar_update(filter->mean, filter->covariance, &rows, sighting->position, filter->own.velocity, 0);
 }
 
 void gbt_ekf_predict(const gbt_ekf *filter, const gbt_ekf_settings *settings, double time, gbt_real *mean,
@@ -178,7 +132,7 @@ void gbt_ekf_predict(const gbt_ekf *filter, const gbt_ekf_settings *settings, do
     const gbt_real t = (gbt_real)(time - filter->time), q = settings->process_noise;
     for (int i = 0; i < D; i++) {
         if (!filter->begun) {
-            mean[i] = filter->known ? filter->zero[i] + settings->known_mean[i] : filter->start[i];
+            mean[i] = filter->known ? filter->zero[i] + settings->guess.mean[i] : filter->start[i];
             for (int j = 0; j < D; j++) covariance[i * D + j] = (gbt_real)NAN;
             continue;
         }

@@ -4,6 +4,7 @@
 
 #include <stddef.h>
 
+#include "gbt_first_guess.h"
 #include "gbt_gaps.h"
 #include "gbt_polar_update.h"
 
@@ -11,14 +12,9 @@ GBT_BEGIN_C
 
 typedef struct {
     gbt_real process_noise; /* spectral density of the white acceleration, m^2/s^3 */
-    gbt_real bearing_std;   /* of an angle that does not state its deviation, rad */
-    gbt_real range;         /* at which the first bearing puts the target, m, */
-    gbt_real range_std;     /* and its deviation */
-    gbt_real speed_std;     /* of each component of the velocity at the start, m/s */
     gbt_real log_size;      /* of the median size in m, and the deviation of the logarithm; read where GBT_SIZED is 1 */
     gbt_real log_size_std;
-    int known;              /* 1: the position at the first measurement is known */
-    gbt_real known_mean[GBT_DIMENSION], known_covariance[GBT_DIMENSION][GBT_DIMENSION];
+    gbt_first_guess guess;
 } gbt_ekf_settings;
 
 typedef struct {

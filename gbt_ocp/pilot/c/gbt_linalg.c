@@ -96,18 +96,21 @@ static void turn(gbt_real *a, gbt_real *v, int n, int p, int q)
     a[p * n + q] = a[q * n + p] = 0;
 }
 
+void gbt_eigen(gbt_real *a, int n, gbt_real *vectors)
+{
+    for (int k = 0; k < n * n; k++) vectors[k] = k % (n + 1) == 0;
+    for (int sweep = 0; sweep < SWEEPS; sweep++)
+        for (int p = 0; p < n; p++)
+            for (int q = p + 1; q < n; q++) turn(a, vectors, n, p, q);
+}
+
 void gbt_covariance_root(const gbt_real *covariance, int n, gbt_real *l)
 {
     gbt_real a[GBT_LARGEST * GBT_LARGEST];
     if (cholesky(covariance, n, l)) return;
     for (int i = 0; i < n; i++)
-        for (int j = 0; j < n; j++) {
-            a[i * n + j] = covariance[i >= j ? i * n + j : j * n + i];
-            l[i * n + j] = i == j;
-        }
-    for (int sweep = 0; sweep < SWEEPS; sweep++)
-        for (int p = 0; p < n; p++)
-            for (int q = p + 1; q < n; q++) turn(a, l, n, p, q);
+        for (int j = 0; j < n; j++) a[i * n + j] = covariance[i >= j ? i * n + j : j * n + i];
+    gbt_eigen(a, n, l);
     for (int j = 0; j < n; j++) {
         const gbt_real value = a[j * n + j], root = value > 0 ? gbt_sqrt(value) : 0;
         for (int i = 0; i < n; i++) l[i * n + j] *= root;

@@ -18,6 +18,9 @@ void gbt_symmetric(gbt_real *a, int n);
 /* out = a b a', a n x n, b n x n symmetric; made symmetric. */
 void gbt_congruent(const gbt_real *a, const gbt_real *b, int n, gbt_real *out);
 
+/* Eigenvalues of a symmetric matrix, on its diagonal, and its eigenvectors, a column each; a is spent. */
+void gbt_eigen(gbt_real *a, int n, gbt_real *vectors);
+
 /* l with l l' the covariance: the Cholesky factor, or where there is none, one of which negative eigenvalues are taken
    for round-off. */
 void gbt_covariance_root(const gbt_real *covariance, int n, gbt_real *l);

@@ -1,6 +1,9 @@
 #include "gbt_motion_gp.h"
 
 #include "gbt_math.h"
+#include "gbt_mixed.h"
+#include "gbt_nodes.h"
+#include "gbt_noise.h"
 #include "gbt_shape_hypotheses.h"
 
 #define D GBT_DIMENSION
@@ -10,8 +13,6 @@
 #define UNFIT 3                           /* and estimates in a row of which that is so */
 #define FORGOTTEN 0.6                     /* share of the window that is then forgotten */
 #define EVERY 5                           /* estimates between two competitions where it is clear where the target is */
-#define RANGE_OBSERVABLE ((gbt_real)0.25) /* deviation of the range over the range below which it counts as known */
-#define SURE_OF_SCATTER ((gbt_real)20)    /* degrees of freedom of the scatter with which the expected noise weighs */
 
 size_t gbt_motion_gp_bytes(void) { return sizeof(gbt_motion_gp); }
 size_t gbt_motion_gp_work_bytes(void) { return sizeof(gbt_motion_gp_work); }
@@ -42,30 +43,16 @@ void gbt_motion_gp_begin(gbt_motion_gp *process, const gbt_motion_gp_settings *s
 
 void gbt_motion_gp_shift(gbt_motion_gp *process, const gbt_real *way)
 {
+    gbt_bins_shift(&process->bins, way);
     for (int j = 0; j < D; j++) {
         process->zero[j] -= way[j];
         process->own[j] -= way[j];
-        for (int k = 0; k < process->bins.count; k++) process->bins.bin[k].own[j] -= way[j];
-        for (int k = 0; k < process->bins.samples; k++) process->bins.sample[k].own[j] -= way[j];
         for (int k = 0; k < process->others.count; k++) process->others.single[k].sighting.position[j] -= way[j];
         for (int k = 0; k < 2 * process->memory.count; k++) process->memory.kept[k / 2].position[k % 2][j] -= way[j];
     }
 }
 
 /* ---- estimates ---- */
-
-/* White variance of a single bearing: as given, or pooled with the scatter in the bins. */
-static gbt_real white_variance(const gbt_motion_gp *process, const gbt_motion_gp_settings *settings)
-{
-    const gbt_real expected = settings->noise.std * settings->noise.std;
-    gbt_real squares = 0, freedom = 0;
-    if (!settings->estimated) return expected;
-    for (int k = 0; k < process->bins.count; k++) {
-        squares += process->bins.bin[k].squares;
-        freedom += process->bins.bin[k].freedom;
-    }
-    return (squares + SURE_OF_SCATTER * expected) / (freedom + SURE_OF_SCATTER);
-}
 
 /* What is known from before the window: what is remembered, or the position at the first bearing; 0 if nothing is. */
 static int known_before(gbt_motion_gp *process, const gbt_motion_gp_settings *settings, double now, gbt_known *known)
@@ -85,18 +72,8 @@ static void see(gbt_motion_gp *process, const gbt_motion_gp_settings *settings, 
 {
     gbt_known known;
     const int some = known_before(process, settings, now, &known);
-    gbt_see(&settings->prior, &settings->noise, &process->bins, white_variance(process, settings), &process->others,
+    gbt_see(&settings->prior, &settings->noise, &process->bins, gbt_white_variance(settings->noise.std, settings->estimated, &process->bins), &process->others,
             some ? &known : 0, now, own, &work->seen);
-}
-
-/* Deviation of the range over the range to a position relative to the own one. */
-static gbt_real relative_range_std(const gbt_real *mean, gbt_real covariance[GBT_BOTH][GBT_BOTH])
-{
-    const gbt_real square = gbt_dot(mean, mean);
-    gbt_real along = 0;
-    for (int i = 0; i < D; i++)
-        for (int j = 0; j < D; j++) along += mean[i] * covariance[i][j] * mean[j];
-    return square > 0 ? gbt_sqrt(gbt_fmax(along, 0)) / square : GBT_INFINITY;
 }
 
 /* Estimates from what is in the window; returns whether the track is lost and has to begin again. */
@@ -125,8 +102,8 @@ static int estimate(gbt_motion_gp *process, const gbt_motion_gp_settings *settin
         gbt_motion_move(&work->fitted[k].at, work->fitted[k].step, &process->motion[k]);
         if (work->fitted[k].log_evidence > work->fitted[best].log_evidence) best = k;
     }
-    process->relative_range_std = relative_range_std(process->position[0], process->covariance);
-    process->open = !(process->relative_range_std < RANGE_OBSERVABLE);
+    process->relative_range_std = gbt_relative_range_std(process->position[0], process->covariance[0], GBT_BOTH);
+    process->open = !(process->relative_range_std < GBT_RANGE_OBSERVABLE);
     if (!process->open && isfinite(settings->memory)) {
         gbt_real position[2][D];
         for (int k = 0; k < 2 * D; k++) position[k / D][k % D] = own[k % D] + process->position[k / D][k % D];
@@ -166,14 +143,10 @@ static int gated(const gbt_motion_gp *process, const gbt_motion_gp_settings *set
     gbt_tangent_basis(unit, basis);
     gbt_log_map(unit, bearing, basis, angle);
     const gbt_real off = noise->own_std / distance;
+    gbt_across(basis, covariance, spread);
     for (int a = 0; a < GBT_AXES; a++) {
         found[a] = angle[a];
-        for (int b = 0; b < GBT_AXES; b++) {
-            gbt_real sum = 0;
-            for (int i = 0; i < D; i++)
-                for (int j = 0; j < D; j++) sum += basis[a][i] * covariance[i * D + j] * basis[b][j];
-            spread[a * GBT_AXES + b] = sum / (distance * distance);
-        }
+        for (int b = 0; b < GBT_AXES; b++) spread[a * GBT_AXES + b] /= distance * distance;
         spread[a * (GBT_AXES + 1)] += noise->std * noise->std / weight + noise->correlated_std * noise->correlated_std + off * off;
     }
     if (!gbt_solve_square(spread, GBT_AXES, found, 1)) return 0;
@@ -254,23 +227,12 @@ static void node_moments(const gbt_motion_gp *process, int hypothesis, int node,
 static void ahead_at(const gbt_motion_gp *process, const gbt_motion_gp_settings *settings, int hypothesis, double lag,
                      gbt_real *mean, gbt_real *covariance)
 {
-    const double step = settings->prior.knot / GBT_KNOT_NODES, reach = gbt_longest_ahead(&settings->prior);
-    const double place = fmin(lag / step, GBT_NODES_AHEAD - 1);
-    const int left = place < GBT_NODES_AHEAD - 1 ? (int)place : GBT_NODES_AHEAD - 2;
-    const gbt_real share = (gbt_real)(place - left), beyond = (gbt_real)(lag - reach), grown = (gbt_real)(lag / reach);
-    gbt_real next[D], spread[D * D], before[D];
-    node_moments(process, hypothesis, left, mean, covariance);
-    node_moments(process, hypothesis, left + 1, next, spread);
-    for (int i = 0; i < D; i++) before[i] = mean[i];
-    for (int i = 0; i < D; i++) {
-        mean[i] = between(mean[i], next[i], share);
-        if (lag > reach + ON_TIME) mean[i] += beyond * ((next[i] - before[i]) / (gbt_real)step);
-        for (int j = 0; j < D; j++) {
-            const int k = i * D + j;
-            covariance[k] = between(covariance[k], spread[k], share);
-            if (lag > reach + ON_TIME) covariance[k] *= grown * grown * grown;
-        }
-    }
+    const double step = settings->prior.knot / GBT_KNOT_NODES;
+    gbt_real next[D], spread[D * D], share;
+    const int node = gbt_node_before(lag, step, GBT_NODES_AHEAD, &share);
+    node_moments(process, hypothesis, node, mean, covariance);
+    node_moments(process, hypothesis, node + 1, next, spread);
+    gbt_between_nodes(lag, step, GBT_NODES_AHEAD, mean, covariance, next, spread);
 }
 
 void gbt_motion_gp_predict(const gbt_motion_gp *process, const gbt_motion_gp_settings *settings, double time,

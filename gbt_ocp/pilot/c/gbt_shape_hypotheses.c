@@ -1,6 +1,7 @@
 #include "gbt_shape_hypotheses.h"
 
 #include "gbt_math.h"
+#include "gbt_mixed.h"
 
 #define D GBT_DIMENSION
 #define N GBT_COORDINATES
@@ -135,19 +136,6 @@ int gbt_hypotheses_distinct(const gbt_motion_gp_settings *settings, gbt_motion_g
 
 /* ---- moments ---- */
 
-/* Adds a part to a mixture of Gaussians of which a total weight was added before (West 1979). */
-static void mix(gbt_real *mean, gbt_real *covariance, int n, gbt_real before, gbt_real weight, const gbt_real *part,
-                const gbt_real *spread)
-{
-    const gbt_real share = weight / (before + weight);
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j < n; j++) {
-            const gbt_real apart = (part[i] - mean[i]) * (part[j] - mean[j]);
-            covariance[i * n + j] += share * (spread[i * n + j] - covariance[i * n + j]) + share * (1 - share) * apart;
-        }
-    for (int i = 0; i < n; i++) mean[i] += share * (part[i] - mean[i]);
-}
-
 /* Covariance of positions by the factor of the precision and their slopes, of which those of the past replace. */
 static void spread_of(const gbt_normal *normal, gbt_real *slopes[], int rows, gbt_real *spread)
 {
@@ -182,7 +170,7 @@ static void add_moments(const gbt_motion_gp_settings *settings, gbt_motion_gp_wo
         }
     }
     spread_of(&work->normal, row, 2 * D, joint);
-    mix(process->position[0], process->covariance[0], 2 * D, before_all, weight, both, joint);
+    gbt_mix(process->position[0], process->covariance[0], 2 * D, before_all, weight, both, joint);
     gbt_course_begin(&course, &slopes, &settings->prior, &mode, 1);
     for (int node = 0; node < GBT_NODES_AHEAD; node++) {
         if (node > 0) gbt_course_next(&course, &slopes, &settings->prior, &mode);
@@ -192,7 +180,7 @@ static void add_moments(const gbt_motion_gp_settings *settings, gbt_motion_gp_wo
         for (int i = 0; i < D; i++)
             for (int j = 0; j < D; j++)
                 for (int k = N; k < N + GBT_BEYOND; k++) spread[i * D + j] += rows[i][k] * rows[j][k];
-        mix(hypothesis->mean[node], hypothesis->covariance[node][0], D, before, weight, course.position, spread);
+        gbt_mix(hypothesis->mean[node], hypothesis->covariance[node][0], D, before, weight, course.position, spread);
     }
 }
 

@@ -29,10 +29,11 @@ static inline int gbt_tracker_take(gbt_tracker *tracker, gbt_tracker_work *work,
 }
 
 /* The forecast from a time on. */
-static inline void gbt_tracker_predict(const gbt_tracker *tracker, double time, gbt_forecast *forecast)
+static inline void gbt_tracker_predict(gbt_tracker *tracker, gbt_tracker_work *work, double time, gbt_forecast *forecast)
 {
     const double period = gbt_pilot_numbers.forecast_period;
     forecast->time = time;
+    (void)work;
     for (int k = 0; k <= GBT_AHEAD; k++)
         gbt_motion_gp_predict(tracker, &gbt_tracker_settings, time + period * k, forecast->mean[k],
                               forecast->covariance[k][0]);

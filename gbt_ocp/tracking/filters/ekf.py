@@ -296,6 +296,11 @@ class ImmExtendedTracker(ImmTracker):
         self.takes: tuple[MeasurementKind, ...] = WITHOUT_SIZE if size is None else ALL_KINDS
         self._own_velocities = OwnVelocities()
 
+    @property
+    def settings(self) -> tuple[FirstGuess, InteractingMultipleModel, float, LogNormal | None]:
+        """Where a track begins, the modes, σ of a bearing in radians, and what was known of the size in metres."""
+        return self._guess, self.models, self._deviation, self._size_prior
+
     def _restart(self, own: Array) -> None:
         super()._restart(own)
         self._own_velocities = OwnVelocities()

@@ -88,6 +88,12 @@ class InteractingMultipleModel:
         self._means = np.zeros((count, 0))
         self._covariances = np.zeros((count, 0, 0))
 
+    @property
+    def settings(self) -> tuple[float, float, float, float, float]:
+        """P₀, q, the density of the jerk, the probability that a mode lasts, and the largest turn rate."""
+        stay = float(self.transition[0, 0])
+        return self._initial_variance, self._process_noise, self._jerk_noise, stay, self._turn_rate_max
+
     def begin(self, position: Array, covariance: Array) -> None:
         """Start all modes at rest at a position ``(d,)`` with its covariance ``(d, d)``."""
         d, count = len(position), len(MODES)

@@ -1,0 +1,24 @@
+"""The key ``tracker.engine``: what does the arithmetic of a tracker."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gbt_ocp.experiments.config.keys import key
+
+
+def engine() -> Any:
+    """Of trackers that are in numpy unless it is asked for."""
+    return key(
+        "numpy", "What does the arithmetic of motion_gp, ekf, and gp without noise: numpy, or the C of codegen --pilot."
+    )
+
+
+def engine_or_auto() -> Any:
+    """Of trackers that are in C wherever they can."""
+    return key(
+        "auto",
+        "What does the arithmetic: numpy, or the C of codegen --pilot (compiled), with the same numbers to rounding. "
+        "auto is compiled where there is a C compiler, the members are both of held_turn and imm_ekf, and there is one "
+        "vehicle.",
+    )

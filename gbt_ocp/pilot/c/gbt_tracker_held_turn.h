@@ -1,0 +1,46 @@
+/* The tracker of this pilot, under names that do not say which: turn rates that are held and drawn again. */
+#ifndef GBT_TRACKER_H
+#define GBT_TRACKER_H
+
+#include "gbt_forecast.h"
+
+#include "gbt_held_turn.h"
+
+GBT_BEGIN_C
+
+typedef gbt_held_turn gbt_tracker;
+typedef gbt_held_turn_work gbt_tracker_work; /* keeps nothing from one measurement to the next */
+extern const gbt_held_turn_settings gbt_tracker_settings; /* generated, in gbt_pilot_settings.c */
+
+/* Nothing taken yet, with the vehicle at start, GBT_DIMENSION. */
+static inline void gbt_tracker_begin(gbt_tracker *tracker, const gbt_real *start)
+{
+    gbt_held_turn_begin(tracker, &gbt_tracker_settings, start);
+}
+
+/* Moves the origin of all positions by a way, GBT_DIMENSION. */
+static inline void gbt_tracker_shift(gbt_tracker *tracker, const gbt_real *way) { gbt_held_turn_shift(tracker, way); }
+
+/* Takes a measurement; 0 where it refuses it. */
+static inline int gbt_tracker_take(gbt_tracker *tracker, gbt_tracker_work *work, const gbt_sighting *sighting)
+{
+    return gbt_held_turn_take(tracker, &gbt_tracker_settings, work, sighting);
+}
+
+/* The forecast from a time on. */
+static inline void gbt_tracker_predict(gbt_tracker *tracker, gbt_tracker_work *work, double time, gbt_forecast *forecast)
+{
+    const double period = gbt_pilot_numbers.forecast_period;
+    forecast->time = time;
+    gbt_held_turn_ask(tracker, &gbt_tracker_settings, work, time + period * GBT_AHEAD);
+    for (int k = 0; k <= GBT_AHEAD; k++)
+        gbt_held_turn_predict(tracker, &gbt_tracker_settings, time + period * k, forecast->mean[k],
+                            forecast->covariance[k][0]);
+}
+
+/* How often a new track has begun after a gap. */
+static inline int gbt_new_tracks(const gbt_tracker *tracker) { return tracker->gaps.count; }
+
+GBT_END_C
+
+#endif
