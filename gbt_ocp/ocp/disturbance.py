@@ -14,10 +14,10 @@ from gbt_ocp.typing import Array
 TIME = 0.3
 """Time constant of the estimate in s."""
 
-LONGEST = 0.5
+LONGEST_SAMPLE = 0.5
 """Longest time in s between two samples from which an acceleration is taken."""
 
-MOST = 0.5
+MOST_BEYOND = 0.5
 """Share of the thrust limits within which the estimate is kept."""
 
 
@@ -27,8 +27,8 @@ class DisturbanceObserver:
     Over the time between two samples the model needs the thrust ``Ψ_τ(z, ż, z̈)`` at their middle, with z̈ from the
     difference of the rates. What acted beyond that, in the axes of the inputs, is low-passed with :data:`TIME`; a
     follower adds it to its thrust. That is integral action with nothing to wind up: of thrust that was cut at its
-    limits, only what acted counts. Thrusters that lag by L though the model does not say so are a disturbance too, with
-    a damping of ``½ sqrt(TIME / L)``. The generated C has the same (``gbt_disturbance``).
+    limits, only what acted counts. Thrusters that lag though nobody says so are taken for a disturbance, which leads
+    further off the plan. The generated C has the same (``gbt_disturbance``).
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class DisturbanceObserver:
             Seconds since then.
         """
         before, self._before = self._before, (z.copy(), dz.copy())
-        if before is None or not 0.0 < passed <= LONGEST:
+        if before is None or not 0.0 < passed <= LONGEST_SAMPLE:
             return self.estimate
         middle = z.copy()  # of the angles: no vehicle cares so exactly where it is
         for axis in range(self._dimension, len(z)):
@@ -71,7 +71,7 @@ class DisturbanceObserver:
         excess = acted - np.asarray(needed, dtype=float).ravel()
         if np.all(np.isfinite(excess)):
             moved = self.estimate + (1.0 - math.exp(-passed / TIME)) * (excess - self.estimate)
-            self.estimate = self._range.clip(moved, MOST)
+            self.estimate = self._range.clip(moved, MOST_BEYOND)
         return self.estimate
 
     def forget(self) -> None:
