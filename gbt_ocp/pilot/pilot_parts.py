@@ -33,9 +33,7 @@ class PilotParts:
     follow_bandwidth
         ω in rad/s of the follower that gives the thrust between two plans.
     thrust_lag
-        Time constant in seconds of the thrusters, which is made up for.
-    observing
-        Whether the follower estimates what the vehicle needs of thrust beyond its model, and adds it.
+        Time constant in seconds of the thrusters, as of :class:`~gbt_ocp.pilot.plan_follower.PlanFollower`.
     lead
         How far ahead on the plan setpoints are taken, in seconds: about an autopilot's lag; ``None`` for a period.
     late
@@ -64,8 +62,7 @@ class PilotParts:
     forecast: int
     forecast_period: float
     follow_bandwidth: float = BANDWIDTH
-    thrust_lag: float = 0.0
-    observing: bool = False
+    thrust_lag: float | None = None
     lead: float | None = None
     late: float = 2.0
     navigation_gap: float = 1.0
@@ -77,7 +74,7 @@ class PilotParts:
     def __post_init__(self) -> None:
         for name in ("period", "forecast_period", "navigation_gap"):
             positive(name, getattr(self, name))
-        for name in ("late", "bearing_std", "thrust_lag"):
+        for name in ("late", "bearing_std"):
             not_negative(name, getattr(self, name))
         most = self.vehicle.position_dimension + 1
         if not isinstance(self.vehicle, DrivenBody) and self.vehicle.flat_dimension > most:

@@ -74,8 +74,8 @@ def pilot_files(parts: PilotParts) -> dict[str, str]:
         "lead": parts.period if parts.lead is None else parts.lead,
         "bearing_std": parts.bearing_std,
         "follow_bandwidth": parts.follow_bandwidth,
-        "thrust_lag": parts.thrust_lag,
-        "observing": int(parts.observing),
+        "thrust_lag": parts.thrust_lag or 0.0,
+        "observing": int(parts.thrust_lag is not None),
     }
     defined = (
         f"#define GBT_{name} {value} /* {(_SIZES | SIZES | DRIVEN_SIZES)[name]} */" for name, value in sizes.items()

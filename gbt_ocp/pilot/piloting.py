@@ -53,7 +53,7 @@ class Piloting:
         vehicle: Any = parts.vehicle
         self._follower = None
         if not isinstance(vehicle, DrivenBody):
-            self._follower = PlanFollower(vehicle, parts.follow_bandwidth, parts.thrust_lag, observing=parts.observing)
+            self._follower = PlanFollower(vehicle, parts.follow_bandwidth, parts.thrust_lag)
         planner = planner_of(parts.guidance)
         # from the beginning: what it remembers is part of what a pilot does
         self._shot_follower: ShotFollower | None = None

@@ -27,17 +27,15 @@ class PlanFollower:
     bandwidth
         ω in rad/s; 0 leaves the feed-forward thrust alone.
     lag
-        Time constant in s of the thrusters, which is made up for.
-    observing
-        Whether what the vehicle needs beyond its model is estimated, and added to the thrust.
+        Time constant in s of the thrusters, 0 for none. It is made up for, and what else the vehicle needs beyond its
+        model is estimated and added to the thrust. ``None`` where it is not known: an estimate that takes a lag for a
+        disturbance leads further off the plan than none.
     """
 
-    def __init__(
-        self, vehicle: Vehicle, bandwidth: float = BANDWIDTH, lag: float = 0.0, *, observing: bool = False
-    ) -> None:
+    def __init__(self, vehicle: Vehicle, bandwidth: float = BANDWIDTH, lag: float | None = None) -> None:
         self._follower = Follower(vehicle, bandwidth)
-        self._thrusters, self._range = LaggingThrusters(vehicle, lag), ThrustRange.of(vehicle)
-        self._observer = DisturbanceObserver(vehicle) if observing else None
+        self._thrusters, self._range = LaggingThrusters(vehicle, lag or 0.0), ThrustRange.of(vehicle)
+        self._observer = None if lag is None else DisturbanceObserver(vehicle)
 
     def ask(self, wanted: Array, passed: float, hold: float) -> Array:
         """The thrust to ask for a wanted one: see :meth:`~gbt_ocp.ocp.thrusters.LaggingThrusters.ask`."""

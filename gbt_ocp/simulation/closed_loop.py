@@ -63,7 +63,7 @@ class ClosedLoop:
     exchange
         What the vehicle says to others and hears of them; ``None`` for one that does not talk.
     thrust_lag
-        Time constant in seconds of the thrusters that the follower makes up for.
+        Time constant in seconds of the thrusters, as of :class:`~gbt_ocp.pilot.plan_follower.PlanFollower`.
     """
 
     target: Target
@@ -85,7 +85,7 @@ class ClosedLoop:
     sensors: Sensing | None = None
     input_rate: tuple[float, ...] | None = None
     exchange: Exchange | None = None
-    thrust_lag: float = 0.0
+    thrust_lag: float | None = None
 
     # isinstance with a protocol takes as long as a step of a cheap tracker, so it is asked once
 

@@ -89,7 +89,7 @@ class Mover:
     input_rate
         Largest rates of the inputs ``(m,)`` that a follower of plans by integration keeps; ``None`` for no limit.
     thrust_lag
-        Time constant in seconds of the thrusters that is made up for, with ``feedback`` of flat plans.
+        Time constant in seconds of the thrusters, as of :class:`~gbt_ocp.pilot.plan_follower.PlanFollower`.
 
     Raises
     ------
@@ -107,7 +107,7 @@ class Mover:
         autopilot: float | None = None,
         lead: float | None = None,
         input_rate: Sequence[float] | None = None,
-        thrust_lag: float = 0.0,
+        thrust_lag: float | None = None,
     ) -> None:
         self._vehicle: Any = vehicle
         if follow == "exact" and plant is not None and autopilot is None:
@@ -127,7 +127,7 @@ class Mover:
             dynamics, state = Dynamics(vehicle), ca.SX.sym("state", vehicle.states)
             self._accelerated = ca.Function("accelerated", [state, held], [dynamics.point(state, held)[2]])
             return
-        self._follower = PlanFollower(vehicle, bandwidth, thrust_lag, observing=follow == "feedback")
+        self._follower = PlanFollower(vehicle, bandwidth, thrust_lag)
         self._held = 0.0
         self._autopilot = None if autopilot is None else Autopilot(vehicle, autopilot)
         self._thrust_at = ca.Function("thrust", [z, dz, ddz], [vehicle.inputs(z, dz, ddz)])

@@ -97,9 +97,10 @@ _BANDWIDTH = key(
     le=50.0,
 )
 _THRUST_LAG = key(
-    0.0,
-    "Time constant in s of the thrusters that the follower knows and makes up for; 0 for none.",
-    "0, or a number in (0, 10] with vehicle.follow = feedback and planner.form = flat",
+    None,
+    "Time constant in s of the thrusters, 0 for none: the follower makes up for it, and estimates what else the "
+    "vehicle needs beyond its model; null where it is not known.",
+    "null, or a number in [0, 10] with vehicle.follow = feedback and planner.form = flat",
     ge=0.0,
     le=10.0,
 )
@@ -139,7 +140,7 @@ class FossenVehicleSection(Section):
     start: StartSection = _START
     follow: Follow = _FOLLOW
     follow_bandwidth: float | None = _BANDWIDTH
-    thrust_lag_s: float = _THRUST_LAG
+    thrust_lag_s: float | None = _THRUST_LAG
     hotel_w: float = _HOTEL
     current: KnownOfCurrent = _CURRENT
 
