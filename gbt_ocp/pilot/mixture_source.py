@@ -101,6 +101,7 @@ def held_turn_in_c(tracker: HeldTurnTracker, samples: Callable[[float], int]) ->
         "SIZED": 0,
         "BINS": _bins_kept(bins, noise),
         "BIN_SAMPLES": samples(bins.width),
+        "OTHERS": samples(bins.width),
         "TURN_STDS": len(prior.turn_stds),
         "SPEED_STDS": len(prior.speed_stds),
         "COMPONENTS": components[1],
