@@ -60,7 +60,9 @@ def take_in(tracker: Any, sighting: Sighting) -> None:
     """
     kinds = taken_kinds(tracker)
     if sighting.kind not in kinds:
-        raise ValueError(f"kind: found '{sighting.kind}'; {type(tracker).__name__} takes {', '.join(kinds)}")
+        raise ValueError(
+            f"kind: found '{sighting.kind}'; {type(tracker).__name__.removeprefix('Compiled')} takes {', '.join(kinds)}"
+        )
     silent = sighting.kind in BEARINGS and is_bearing(sighting) and bool(np.all(np.isnan(sighting.std)))
     if isinstance(tracker, SightingTracker) and (not silent or getattr(tracker, "takes_unstated", False)):
         tracker.take(sighting)
