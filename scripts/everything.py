@@ -18,6 +18,7 @@ import argparse
 import json
 import os
 import platform
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -80,7 +81,7 @@ def going_on(arguments: Sequence[str]) -> list[str]:
 def study(name: str, runs: int) -> Job:
     """The job of a table or a figure of the paper; all share a folder, since figure 6 is of the runs of the tables."""
     command = own("reproduce", name, "--runs", str(runs), "--out", f"{OUT}/../paper")
-    return Job(name, command, tables=f"paper/{name}/{name}*.md")
+    return Job(name, command, tables=f"paper/{name}/report.md")
 
 
 def own(*arguments: str) -> tuple[str, ...]:
@@ -216,7 +217,7 @@ def carry_out(job: Job, out: Path, tracks: str) -> dict[str, Any]:
         )
     after = os.times()
     found = {
-        "command": ["python", *arguments],
+        "command": printed(job),
         "exit": done.returncode,
         "wall_s": perf_counter() - began,
         # of the process and of all that it waited for
@@ -228,6 +229,13 @@ def carry_out(job: Job, out: Path, tracks: str) -> dict[str, Any]:
     temporary.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     temporary.replace(folder / "result.json")
     return found
+
+
+def printed(job: Job) -> list[str]:
+    """The command as a reader would write it, whatever the folders are called here."""
+    own_command = job.command[:2] == ("-m", "gbt_ocp.cli")
+    begin, rest = (["gbt-ocp"], job.command[2:]) if own_command else (["python"], job.command)
+    return begin + [_filled(part, {f"{OUT}/../paper": "DIR", OUT: "DIR", TRACKS: "TRACKS"}) for part in rest]
 
 
 def _load() -> float:
@@ -273,7 +281,7 @@ def write_tables(job: Job, out: Path, data: Path) -> None:
     """Write the tables that a job printed, or left as Markdown, as ``DATA/NAME.json``; a job may have none."""
     folder = out / job.name
     texts = sorted(out.glob(job.tables)) if job.tables else [folder / "output.txt", *sorted(folder.rglob("*.md"))]
-    if any("|---" in path.read_text(encoding="utf-8", errors="replace") for path in texts):
+    if any(re.search(r"\| ?:?---", path.read_text(encoding="utf-8", errors="replace")) for path in texts):
         script = str(ROOT / "scripts" / "write_data.py")
         where = ["--name", job.name, "--result", str(folder / "result.json"), "--data", str(data)]
         subprocess.run([sys.executable, script, *map(str, texts), *where], check=True)

@@ -2,21 +2,26 @@
 
 import copy
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from test_motion_gp_in_c import SIGMA, bearings, where
+from test_polar import sighted
 
 import gbt_ocp as gbt
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
+from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.ocp.codegen.library import find_compiler
 from gbt_ocp.pilot.compiled_bank import CompiledHeldTurnTracker, CompiledMixtureTracker
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
+from gbt_ocp.tracking.intake import take_in
 from gbt_ocp.tracking.mixture import MixtureTracker
+from gbt_ocp.tracking.polar import WITHOUT_SIZE
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
@@ -127,6 +132,63 @@ def test_a_lost_track_is_begun_again_when_it_is_in_numpy(kind):
     assert both[1].restarts > 0
 
 
+def of_all_kinds(d, rng, seconds):
+    """Bearings ten times a second that mostly say nothing of their noise, and now and then all else."""
+    others = ["range", "position"] + ["elevation", "azimuth", "azimuth_elevation"] * (d == 3)
+    for number, (time, bearing, own) in enumerate(bearings(d, rng, seconds)):
+        plain = Sighting.of_bearing(time, bearing, own)
+        if number % 5 == 3:
+            plain = replace(plain, std=np.full(d - 1, 0.5 * SIGMA) * [1.0, 3.0][: d - 1])
+        seen = [plain] if number % 11 else []  # without its bearing a bin may be another's
+        if number % 4 == 1:
+            kind = others[number // 4 % len(others)]
+            std = {"range": 1.0, "position": 2.0}.get(kind, 2.0 * SIGMA)
+            single = sighted(kind, d, where(d, time)[1], std, time, own, sensor=f"one {number % 3}")
+            seen.insert(number % 2, single)
+        yield from seen
+
+
+@pytest.mark.parametrize(("d", "kind"), [(2, "held_turn"), (2, "mixture"), _long(3, "held_turn"), _long(3, "mixture")])
+def test_measurements_of_all_kinds_in_c_are_those_of_numpy(d, kind):
+    """With noises of their own, before and after the bearing of their time, and in pauses of the bearings."""
+    both = both_of(d, kind)
+    assert both[0].takes == both[1].takes == WITHOUT_SIZE
+    for number, one in enumerate(of_all_kinds(d, np.random.default_rng(d), 14.0)):
+        if 5.0 < one.time < 7.0 and one.kind.startswith("azimuth"):
+            continue
+        for tracker in both:
+            take_in(tracker, one)
+        if number % 9 == 0:
+            agree(both, one.time + AHEAD)
+    assert both[1].range_observable
+
+
+@pytest.mark.parametrize("kind", ["held_turn", "mixture"])
+def test_both_engines_refuse_the_same_in_the_same_words(kind):
+    both = both_of(2, kind)
+    taken = list(of_all_kinds(2, np.random.default_rng(1), 2.0))
+    wrong = [
+        sighted("size", 2, std=0.01, time=3.0),
+        sighted("range", 2, time=0.5),
+        replace(sighted("range", 2, time=3.0), std=np.array([np.nan])),
+        replace(sighted("range", 2, time=3.0), value=np.array([-1.0])),
+        replace(sighted("position", 2, time=3.0), value=np.array([np.nan, 0.0])),
+    ]
+    for tracker in both:
+        for one in taken:
+            take_in(tracker, one)
+    for one in wrong:
+        said = []
+        for tracker in both:
+            with pytest.raises(ValueError, match=r"kind|time|std|value") as caught:
+                take_in(tracker, one)
+            said.append(str(caught.value))
+        assert said[0] == said[1]
+    agree(both, 2.0 + AHEAD)
+    with pytest.raises(ValueError, match="platform: found 'second'"):
+        take_in(both[1], replace(taken[-1], platform="second", std=np.array([SIGMA]), time=4.0))
+
+
 def test_a_copy_goes_its_own_way():
     """As for late bearings: what is remembered is put back, and the same bearings give the same numbers."""
     tracker = both_of(2, "mixture")[1]
@@ -134,12 +196,12 @@ def test_a_copy_goes_its_own_way():
     for sample in samples[:20]:
         tracker.update(*sample)
     state = copy.deepcopy(tracker._c.state)
-    latest = tracker._c.latest
+    latest = tracker._c.latest, tracker._c.taken
     for sample in samples[20:]:
         tracker.update(*sample)
     times = samples[-1][0] + AHEAD
     first = tracker.predict(times)
-    tracker._c.state, tracker._c.latest = state, latest
+    tracker._c.state, (tracker._c.latest, tracker._c.taken) = state, latest
     for sample in samples[20:]:
         tracker.update(*sample)
     for mine, again in zip(first, tracker.predict(times), strict=True):

@@ -22,10 +22,10 @@ from gbt_ocp.tracking.held.bank import (
     HeldTurnPrior,
     advanced,
     begun,
-    corrected,
     let_go,
     merged,
 )
+from gbt_ocp.tracking.held.corrections import corrected
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal, PositionPrior

@@ -30,7 +30,7 @@ SETTINGS = {"kind": "mixture", "noise": {"std_deg": 1.0}}
 
 def built(dimension=2, **changes):
     problem = "case2" if dimension == 2 else "case5"
-    section = load_config({"problem": problem, "tracker": {**SETTINGS, **changes}}).tracker
+    section = load_config({"problem": problem, "tracker": {"engine": "numpy", **SETTINGS, **changes}}).tracker
     return build_tracker(section, np.zeros(dimension), BearingSensor(0.1))
 
 
@@ -279,8 +279,8 @@ def test_the_keys_of_the_motion_survive_the_change_of_kind():
     """``--set tracker.kind=motion_gp`` at sea keeps what the problem says of sensor and target."""
     shipped, alone = load_config("sea2d"), load_config("sea2d", ["tracker.kind=motion_gp"])
     told, kept = alone.tracker.model_dump(), shipped.tracker.model_dump()
-    shared = kept.keys() & told.keys() - {"kind"}
-    assert told.keys() - shared == {"kind", "size", "engine"}  # the mixture takes bearings alone, in numpy
+    shared = kept.keys() & told.keys() - {"kind", "engine"}  # their engines differ by default
+    assert told.keys() - shared == {"kind", "engine", "size"}  # the mixture takes bearings alone
     assert {name: told[name] for name in shared} == {name: kept[name] for name in shared}
     back = load_config("sea2d", ["tracker.evidence_s=9", "tracker.kind=motion_gp", "tracker.kind=mixture"])
     assert back.tracker == shipped.tracker

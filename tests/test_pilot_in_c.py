@@ -306,7 +306,7 @@ def test_the_filter_in_c_remembers_what_it_is_saved_with(tmp_path):
         (
             "sea2d",
             "tracker={kind: imm_ekf}",
-            "--pilot: tracker.kind: found imm_ekf; allowed: mixture, held_turn, motion_gp, ekf, or gp for exact bearings",
+            "--pilot: tracker.kind: found imm_ekf; allowed: mixture, held_turn, motion_gp, ekf, or gp for exact",
         ),
         (
             "sea2d",

@@ -18,6 +18,7 @@ pytestmark = NEEDED
 CASES = [
     pytest.param("case2", "seed=0", 30, marks=pytest.mark.long),
     pytest.param("case5", "seed=0", 60, marks=pytest.mark.slow),
+    pytest.param("sea2d", "seed=0", 100, marks=pytest.mark.slow),
     pytest.param("sea2d", "tracker.kind=ekf", 100, marks=pytest.mark.slow),
     pytest.param("sea2d", "tracker.kind=motion_gp", 100, marks=pytest.mark.slow),
 ]
@@ -69,13 +70,16 @@ OF_TIMES = {
     *("decide", "desired", "gaps", "guidance", "intake", "origin", "own_track", "pilot", "trajectory", "watch"),
     *("bins", "motion_gp", "motions", "polar", "shape_rows", "singles", "track_memory", "ekf", "gp"),
     *("moments", "places", "plan", "problem", "wide"),
+    *("binned", "held_turn", "imm_ekf", "mixture", "nodes", "noise", "polar_update"),
 }
 """Files that handle times, and coordinates of zones or of a moving origin, which are double in both precisions: a few
 operations a measurement, a command or a plan."""
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("name", "change"), [("case2", "seed=0"), ("sea2d", "tracker.kind=motion_gp")])
+@pytest.mark.parametrize(
+    ("name", "change"), [("case2", "seed=0"), ("sea2d", "tracker.kind=motion_gp"), ("sea2d", "seed=0")]
+)
 def test_the_arithmetic_of_a_float_pilot_calls_no_library_for_doubles(tmp_path, name, change):
     """On a floating-point unit for single precision: solver, factorisations, likelihood, rows and fits."""
     parts = build_pilot(gbt.load_config(name, [change, "tracker.engine=compiled"]))
@@ -90,4 +94,7 @@ def test_the_arithmetic_of_a_float_pilot_calls_no_library_for_doubles(tmp_path, 
         (calling if re.search(r"__aeabi_(d|f2d|i2d|ui2d|cd)", needs) else free).add(source.stem.removeprefix("gbt_"))
     assert calling <= OF_TIMES, calling - OF_TIMES
     assert free >= {"solver", "interior", "riccati", "pieces", "slacks", "check", "linalg"}
-    assert free >= ({"gp_likelihood"} if name == "case2" else {"shape_fit", "shape_hypotheses"})
+    of_tracker = (
+        {"shape_fit", "shape_hypotheses"} if "motion_gp" in change else {"held_bank", "held_ahead", "imm", "mixed"}
+    )
+    assert free >= ({"gp_likelihood"} if name == "case2" else of_tracker)

@@ -128,7 +128,8 @@ def test_vehicles_start_apart_and_may_be_of_another_kind():
         (["vehicles=[{name: a, sensor: 3}, {name: c}]"], "vehicles.0.sensor: found an unknown key"),
         (["link.packet_bytes=39"], "link.packet_bytes: found 39; allowed: at least 40, the size of a packet with a"),
         (["link.loss=1.5"], "link.loss: found 1.5; allowed: a number in [0, 1]"),
-        (["tracker.kind=mixture"], 'tracker.kind: found "mixture"; allowed: beside vehicles, gp'),
+        (["tracker.kind=imm_kf_f"], 'tracker.kind: found "imm_kf_f"; allowed: beside vehicles, gp'),
+        (["tracker.kind=mixture", "tracker.engine=compiled"], "tracker.engine: found 'compiled'; allowed: beside"),
         (["vehicle.kind=problem", "vehicles.1.model=falcon"], 'vehicles.1.model: found "falcon"; allowed: null beside'),
     ],
 )

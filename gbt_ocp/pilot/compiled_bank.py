@@ -10,11 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.models.measurements import MeasurementKind, Sighting
 from gbt_ocp.ocp.codegen.library import load_library
+from gbt_ocp.pilot.compiled_ekf import sighting_for_c
+from gbt_ocp.pilot.pilot_source import UNLISTED
 from gbt_ocp.pilot.tracker_source import TrackerInC, called, laid_out, tracker_in_c
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.mixture import MixtureTracker
 from gbt_ocp.tracking.noise import BearingNoise
+from gbt_ocp.tracking.polar import checked_sighting, is_bearing
 from gbt_ocp.tracking.protocol import Forecast, Tracker, WeighedForecasts
 from gbt_ocp.tracking.window import checked_sample
 from gbt_ocp.typing import Array
@@ -25,7 +29,7 @@ class _InC:
 
     def __init__(self, made: TrackerInC, dimension: int, start: Array) -> None:
         self._name = f"gbt_{made.name}"
-        self._library = load_library(made.alone(dimension, 1))
+        self._library = load_library(made.alone(dimension, UNLISTED))
         self._numbers = np.frombuffer(laid_out(made.settings), dtype=float).copy()
         for name in ("bytes", "work_bytes"):
             getattr(self._library, f"{self._name}_{name}").restype = ctypes.c_size_t
@@ -36,6 +40,8 @@ class _InC:
         # it keeps nothing, and nothing of it is saved
         self._work = ctypes.create_string_buffer(getattr(self._library, f"{self._name}_work_bytes")())
         self.latest: float | None = None
+        self.taken = -np.inf
+        self._sensors: dict[str, int] = {}
         self.own = np.array(start, dtype=float)
         self.call("begin", self.own)
 
@@ -50,9 +56,27 @@ class _InC:
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """Take in a bearing."""
         direction, own = checked_sample(time, bearing, own_position, self.latest)
+        if time < self.taken:
+            raise ValueError(f"time: found {time} after {self.taken}; allowed: times that do not decrease")
         if not self.call("update", self._work, ctypes.c_double(float(time)), direction, own):
             raise ValueError(f"time: found {time}, one bearing more than a bin can hold; allowed: a lower rate")
-        self.latest, self.own = float(time), own
+        self.taken = self.latest = float(time)
+        self.own = own
+
+    def take(self, sighting: Sighting, takes: tuple[MeasurementKind, ...], name: str) -> None:
+        """Take in a measurement of a kind that the tracker of this name takes."""
+        checked_sighting(sighting, takes, name, self._dimension, self.taken, sized=False)
+        if sighting.platform:
+            raise ValueError(
+                f"platform: found '{sighting.platform}'; allowed with tracker.engine compiled: the own one"
+            )
+        if not self.call("take", self._work, ctypes.byref(sighting_for_c(sighting, self._sensors))):
+            raise ValueError(
+                f"time: found {sighting.time}, one measurement more than a bin can hold; allowed: a lower rate"
+            )
+        self.taken = sighting.time
+        if sighting.kind == "position" or is_bearing(sighting):
+            self.latest, self.own = sighting.time, sighting.position
 
     def forecast(self, times: ArrayLike) -> Forecast:
         """At the times ``(K,)``."""
@@ -115,6 +139,10 @@ class CompiledHeldTurnTracker(HeldTurnTracker):
         """As :meth:`HeldTurnTracker.update`."""
         self._c.update(time, bearing, own_position)
 
+    def take(self, sighting: Sighting) -> None:
+        """As :meth:`HeldTurnTracker.take`."""
+        self._c.take(sighting, self.takes, "held_turn")
+
     @property
     def range_observable(self) -> bool:
         """Whether the range is known to a quarter; before, it is mostly the prior's."""
@@ -168,6 +196,11 @@ class CompiledMixtureTracker(MixtureTracker):
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """As :meth:`MixtureTracker.update`."""
         self._c.update(time, bearing, own_position)
+        self._own = self._c.own
+
+    def take(self, sighting: Sighting) -> None:
+        """As :meth:`MixtureTracker.take`."""
+        self._c.take(sighting, self.takes, "mixture")
         self._own = self._c.own
 
     @property

@@ -13,9 +13,7 @@ from gbt_ocp.tracking.filters.binned import BinnedFilter
 from gbt_ocp.tracking.filters.ekf import FirstGuess, ImmExtendedTracker
 from gbt_ocp.tracking.held.held_turn import (
     AHEAD_STEP,
-    COLD_STARTS,
     LONGEST_AHEAD,
-    OPEN_MOST,
     HeldTurnTracker,
 )
 from gbt_ocp.tracking.mixture import MixtureTracker
@@ -96,17 +94,17 @@ def held_turn_in_c(tracker: HeldTurnTracker, samples: Callable[[float], int]) ->
         },
         "noise": noise_in_c(noise),
         "binning": _binning(bins, noise),
-        "components": components,
+        "components": components[0],
         **known_position(position),
     }
-    starts = math.prod(COLD_STARTS) * len(prior.turn_stds) * len(prior.speed_stds)
     sizes = {
         "SIZED": 0,
         "BINS": _bins_kept(bins, noise),
         "BIN_SAMPLES": samples(bins.width),
+        "OTHERS": samples(bins.width),
         "TURN_STDS": len(prior.turn_stds),
         "SPEED_STDS": len(prior.speed_stds),
-        "COMPONENTS": max(starts, OPEN_MOST * components),
+        "COMPONENTS": components[1],
         "HELD_NODES": math.ceil(LONGEST_AHEAD / AHEAD_STEP) + 1,
     }
     return settings, sizes

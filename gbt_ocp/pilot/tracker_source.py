@@ -53,7 +53,7 @@ _KERNELS = ("se", "matern32", "matern52", "rq")
 _BINNED = ("gbt_bins", "gbt_noise", "gbt_mixed", "gbt_nodes", "gbt_polar.")
 _SHAPE = ("gbt_singles", "gbt_motions", "gbt_shape_", "gbt_track_memory", "gbt_motion_gp")
 _FILTER = ("gbt_first_guess", "gbt_kalman", "gbt_polar")
-_HELD = ("gbt_held_", "gbt_lost", *_BINNED)
+_HELD = ("gbt_held_", "gbt_lost", "gbt_singles", "gbt_waiting", *_BINNED)
 
 _NEEDED = {
     "ekf": ("gbt_ekf", *_FILTER),

@@ -185,11 +185,19 @@ class BearingBins:
         """Bearings that are left out."""
         return sum(int(np.sum(~one.kept)) for one in self._bins)
 
+    @property
+    def first(self) -> tuple[float, Array]:
+        """Time in seconds and own position ``(d,)`` of the oldest sample of the newest bin; not of none."""
+        row = self._bins[-1].rows[0]
+        return float(row[0]), row[1 + (len(row) - 1) // 2 :]
+
     def is_filled_by(self, time: float) -> bool:
         """Whether a sample at a time in seconds is no longer of the newest bin, which is full then; not of none."""
-        return self._latest is not None and bool(
-            self._bins and np.floor(time / self.width) != np.floor(self._latest / self.width)
-        )
+        return self._latest is not None and bool(self._bins and not self.are_together(time, self._latest))
+
+    def are_together(self, time: float, other: float) -> bool:
+        """Whether two times in seconds are of one bin."""
+        return bool(np.floor(time / self.width) == np.floor(other / self.width))
 
     def checked(
         self, time: float, bearing: ArrayLike, own_position: ArrayLike, *, same_time: bool = False

@@ -25,12 +25,14 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gbt_ocp.models.measurements import MeasurementKind
+from gbt_ocp.models.measurements import MeasurementKind, Sighting
 from gbt_ocp.tracking.bins import BearingBins, BinnedBearings
+from gbt_ocp.tracking.decomposed import parts_of
 from gbt_ocp.tracking.displacement.rows import bearing_rows, row_covariance
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
+from gbt_ocp.tracking.intake import take_in, taken_kinds
 from gbt_ocp.tracking.noise import SCATTER_S, BearingNoise
-from gbt_ocp.tracking.polar import BEARINGS
+from gbt_ocp.tracking.polar import ALL_KINDS, checked_sighting
 from gbt_ocp.tracking.protocol import (
     RANGE_OBSERVABLE,
     Forecast,
@@ -80,7 +82,8 @@ class MixtureTracker(RestartingTracker):
     """The mixture of other trackers by evidence.
 
     Each of them is given each bearing and begins a lost track again by its own test. Bearings are averaged over bins;
-    each full bin is judged by what the trackers said of it before it began.
+    each full bin is judged by what the trackers said of it before it began. What is no bearing, or was seen by another
+    vehicle, is given to all of them and judges none.
 
     Parameters
     ----------
@@ -98,14 +101,16 @@ class MixtureTracker(RestartingTracker):
     forgetting
         Time T in seconds in which evidence fades: a bin counts by ``exp(-age/T)``. Infinity forgets nothing.
 
+    Attributes
+    ----------
+    takes
+        Kinds of measurements that :meth:`take` takes: those that each of the members does.
+
     Raises
     ------
     ValueError
         If there are no members, or the time is not above 0.
     """
-
-    takes: tuple[MeasurementKind, ...] = BEARINGS
-    """Kinds of measurements that it takes."""
 
     def __init__(
         self,
@@ -127,6 +132,9 @@ class MixtureTracker(RestartingTracker):
         self._noise = noise
         self._bins = BearingBins(bin_width, max(SCATTER_S, 2.0 * bin_width), gate * noise.std)
         self._gaps = Gaps(span=SCATTER_S)
+        kinds = [taken_kinds(member) for member in self.members.values()]
+        self.takes: tuple[MeasurementKind, ...] = tuple(one for one in ALL_KINDS if all(one in some for some in kinds))
+        self._last = -np.inf
         self._begin(np.zeros(dimension))
 
     @property
@@ -154,10 +162,39 @@ class MixtureTracker(RestartingTracker):
             If numbers are not finite, the bearing is no unit vector, or time does not increase; the tracker is then
             unchanged.
         """
-        bins = self._bins
-        b, own = bins.checked(time, bearing, own_position)
-        if self._gaps.ended(float(time)):
+        b, own = self._bins.checked(time, bearing, own_position)
+        if time < self._last:
+            raise ValueError(f"time: found {time} after {self._last}; allowed: times that do not decrease")
+        self._note(float(time), own)
+        self._seen(float(time), b, own)
+        for member in self.members.values():
+            member.update(time, b, own)
+
+    def take(self, sighting: Sighting) -> None:
+        """Take in a measurement of any kind in :attr:`takes`, with its own noise, at or after the latest time.
+
+        Raises
+        ------
+        ValueError
+            If the kind is not taken or the measurement is out of order; the tracker is then unchanged.
+        """
+        checked_sighting(sighting, self.takes, "mixture", self.dimension, self._last, sized=False)
+        parts = parts_of(sighting, self._noise.std)
+        self._note(sighting.time, self._own if parts.platform else sighting.position)
+        if parts.bearing is not None and not parts.platform:
+            self._seen(sighting.time, parts.bearing, sighting.position, parts.worth(self._noise.std))
+        for member in self.members.values():
+            take_in(member, sighting)
+
+    def _note(self, time: float, own: Array) -> None:
+        """Begin a new track after a gap."""
+        if self._gaps.ended(time):
             self._restart(own)
+        self._last = time
+
+    def _seen(self, time: float, bearing: Array, own: Array, weight: float = 1.0) -> None:
+        """Judge the members by a bin that is full, and add a bearing to the newest one."""
+        bins = self._bins
         begins = float(np.floor(time / bins.width) * bins.width)
         if begins != self._begins:
             self._score(begins)
@@ -166,9 +203,7 @@ class MixtureTracker(RestartingTracker):
                 ends = np.array([begins, begins + bins.width])
                 self._predicted = [member.predict(ends) for member in self.members.values()]
         self._own = own
-        bins.append(float(time), b, own)
-        for member in self.members.values():
-            member.update(time, b, own)
+        bins.append(time, bearing, own, weight=weight, same_time=True)
 
     def _score(self, begins: float) -> None:
         """Judge the models by the bin that has just been filled: what they said of it before it began."""

@@ -269,7 +269,10 @@ def build_member(
     desired = paced(configuration, build_desired_bearing(configuration, vehicle), vehicle)
     start = build_start(configuration, vehicle, streams.start, target.position(0.0), taken)
     sensor = build_sensor(configuration)
-    tracker = build_tracker(configuration.tracker, start[0, : configuration.dimension], sensor)
+    section = configuration.tracker
+    if exchange is not None and getattr(section, "engine", "numpy") == "auto":
+        section = section.model_copy(update={"engine": "numpy"})  # the C hears one vehicle alone
+    tracker = build_tracker(section, start[0, : configuration.dimension], sensor)
     loop = ClosedLoop(
         target=target,
         sensor=sensor,
@@ -290,5 +293,6 @@ def build_member(
         lead=configuration.setpoint_lead,
         input_rate=configuration.limits.input_rate,
         exchange=exchange,
+        thrust_lag=getattr(configuration.vehicle, "thrust_lag_s", 0.0),
     )
     return loop, start

@@ -19,5 +19,6 @@ def engine_or_auto() -> Any:
     return key(
         "auto",
         "What does the arithmetic: numpy, or the C of codegen --pilot (compiled), with the same numbers to rounding. "
-        "auto is compiled where there is a C compiler, and the members are both of held_turn and imm_ekf.",
+        "auto is compiled where there is a C compiler, the members are both of held_turn and imm_ekf, and there is one "
+        "vehicle.",
     )

@@ -14,8 +14,8 @@ from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 MOST_VEHICLES = 8
 """Vehicles in one run: each plan keeps its distance from every other one."""
 
-SEEN_FROM_ONE = ("mixture", "held_turn", "imm_kf_f")
-"""Kinds of trackers for which all bearings come from one place, or which take no bearings."""
+SEEN_FROM_ONE = ("imm_kf_f",)
+"""Kinds of trackers that take no bearings."""
 
 
 def team_faults(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Iterator[Fault]:

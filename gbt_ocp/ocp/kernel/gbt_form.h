@@ -97,9 +97,13 @@ void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top);
 /* What is free in a piece that is added to a plan, from what was in its last one, GBT_FREE each. */
 void gbt_lengthen(const gbt_real *last, gbt_real *added);
 
-/* Changes the rest of a plan, GBT_PIECES x GBT_FREE, so that it leads back to itself from a start that is off by so much,
+/* Changes so many pieces of a plan, GBT_FREE each, so that they lead back to it from a start that is off by so much,
    GBT_STATE. */
-void gbt_lead_back(const gbt_real *off, gbt_real *top);
+void gbt_lead_back(const gbt_real *off, int pieces, gbt_real *top);
+
+/* Changes the first piece of a plan so that its thrust keeps within the limits between the nodes too, and leads the rest
+   back to itself. Returns 0 where it exceeds them by too much, or the form knows no way: the plan is then as it was. */
+int gbt_mend(const gbt_real *start, gbt_real *top);
 
 /* The last resort: a plan from start that slows the vehicle down, or does what the vehicle has for that; GBT_PIECES x
    GBT_FREE. */

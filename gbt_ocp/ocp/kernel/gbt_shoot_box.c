@@ -32,7 +32,7 @@ static void find_bounds(gbt_workspace *work)
         for (int r = 0; r < limit->sides; r++) {
             const int a = k * GBT_INPUTS + limit->row[r];
             /* within by what rounding may add when the side is evaluated */
-            const gbt_real bound = limit->bound[r] - work->tightening[GBT_BOX];
+            const gbt_real bound = limit->bound[r];
             const gbt_real most = (bound - 8 * GBT_EPSILON * gbt_fabs(bound)) * gbt_thrust_max[limit->row[r]];
             if (limit->sign[r] > 0)
                 work->upper[a] = most;
@@ -253,6 +253,7 @@ gbt_status gbt_minimise_in_box(const gbt_settings *settings, int iterations, gbt
 {
     const int last = result->iterations + iterations;
     gbt_real delta = 0;
+    if (work->tightening[GBT_BOX] > 0) return GBT_ITERATION_LIMIT; /* the bounds are those of all pieces */
     find_bounds(work);
     work->f = follow(work, work->piece, 0);
     if (!isfinite(work->f) || !others_are_kept(settings, work)) return GBT_ITERATION_LIMIT;

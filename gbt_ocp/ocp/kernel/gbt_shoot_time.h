@@ -26,6 +26,7 @@ gbt_status gbt_plan_prepare(gbt_planner *planner)
         planner->numbers[k] = planner->numbers[k + GBT_END_NUMBERS];
     for (int k = 0; k < GBT_PIECES * GBT_KNOT_NUMBERS; k++) moving[k] = moving[k + GBT_KNOT_NUMBERS];
 
+    work->first = 0;
     work->pieces = GBT_PIECES;
     work->count = GBT_COUNT;
     work->parameters = planner->numbers;

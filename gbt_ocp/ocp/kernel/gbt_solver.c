@@ -29,6 +29,7 @@ size_t gbt_workspace_bytes(void) { return sizeof(gbt_workspace); }
 static void load(const gbt_real *start, const gbt_real *parameters, int first, int pieces, const gbt_real *u,
                  gbt_workspace *work)
 {
+    work->first = first;
     work->pieces = pieces;
     work->count = GBT_COUNT / GBT_PIECES * pieces;
     work->parameters = parameters + first * GBT_END_NUMBERS;

@@ -6,6 +6,7 @@
 
 #define D GBT_DIMENSION
 #define LEAST_COSINE ((gbt_real)0.05) /* of an elevation: straight above the vehicle there is no azimuth */
+#define ON_TIME 1e-9                  /* rounding of a mean time, s */
 #define NEAREST ((gbt_real)1e-3)      /* range of a prediction, at least, for the error of the own position, m */
 
 /* A track that has seen no full bin. */
@@ -13,6 +14,7 @@ static void begin(gbt_binned_filter *binned, int known, const gbt_real *start)
 {
     binned->known = known;
     binned->lost.count = binned->lost.next = 0;
+    binned->begun = binned->foreseen = 0;
     for (int k = 0; k < D; k++) binned->own[k] = start[k];
     gbt_imm_ekf_begin(&binned->filter, known, start, binned->zero);
 }
@@ -21,6 +23,7 @@ void gbt_binned_begin(gbt_binned_filter *binned, const gbt_binned_settings *sett
 {
     gbt_gaps_init(&binned->gaps, GBT_SCATTER_S, 0);
     gbt_bins_clear(&binned->bins);
+    gbt_waiting_begin(&binned->waiting);
     binned->bins.latest = -HUGE_VAL;
     binned->restarts = 0;
     for (int k = 0; k < D; k++) binned->zero[k] = 0;
@@ -30,7 +33,9 @@ void gbt_binned_begin(gbt_binned_filter *binned, const gbt_binned_settings *sett
 void gbt_binned_shift(gbt_binned_filter *binned, const gbt_real *way)
 {
     gbt_bins_shift(&binned->bins, way);
+    gbt_waiting_shift(&binned->waiting, way);
     gbt_imm_ekf_shift(&binned->filter, way);
+    gbt_imm_ekf_shift(&binned->foreseeing, way);
     for (int k = 0; k < D; k++) {
         binned->own[k] -= way[k];
         binned->zero[k] -= way[k];
@@ -61,52 +66,145 @@ static int innovation(const gbt_real *line, const gbt_real *covariance, const gb
     return 1;
 }
 
-/* Takes in the newest bin, now that it is full. */
-static void step(gbt_binned_filter *binned, const gbt_binned_settings *settings)
+/* How many of those that wait are from before a time; a filter begins with a bearing. */
+static int early(const gbt_binned_filter *binned, double time)
+{
+    int some = 0;
+    while (binned->begun && some < binned->waiting.count && binned->waiting.sighting[some].time < time - ON_TIME) some++;
+    return some;
+}
+
+/* Gives a filter what has waited from before the mean time of the newest bin. The mean bearing, its variance across the line of
+   sight, and what is foreseen of its time. */
+static gbt_real enter(gbt_imm_ekf *filter, const gbt_binned_filter *binned, const gbt_binned_settings *settings,
+                      gbt_sighting *said, gbt_real *line, gbt_real *covariance)
 {
     const gbt_bin *bin = &binned->bins.bin[binned->bins.count - 1];
-    gbt_real mean[D], covariance[D * D], line[D], square;
+    const int some = early(binned, bin->time);
     static const gbt_sighting nothing;
-    gbt_sighting said = nothing;
-    gbt_imm_ekf_predict(&binned->filter, &settings->filter, bin->time, mean, covariance);
+    gbt_real mean[D];
+    for (int k = 0; k < some; k++) gbt_imm_ekf_take(filter, &settings->filter, &binned->waiting.sighting[k]);
+    gbt_imm_ekf_predict(filter, &settings->filter, bin->time, mean, covariance);
     for (int k = 0; k < D; k++) line[k] = mean[k] - bin->own[k];
     const gbt_real white = gbt_white_variance(settings->noise.std, settings->noise.estimated, &binned->bins);
     const gbt_real noise = gbt_noise_of_mean(&settings->noise, bin->count, settings->binning.width,
                                              gbt_fmax(gbt_length(line), NEAREST), white);
+    *said = nothing;
+    said->time = bin->time;
+    said->kind = D == 2 ? GBT_AZIMUTH : GBT_AZIMUTH_ELEVATION;
+    said->sensor = GBT_OF_BINS;
+    said->stated = 1;
+    gbt_angles_of(bin->bearing, said->value);
+    for (int a = 0; a < GBT_AXES; a++) said->std[a] = gbt_sqrt(noise);
+#if GBT_DIMENSION == 3
+    said->std[0] /= gbt_fmax(gbt_cos(said->value[1]), LEAST_COSINE); /* an azimuth counts about the vertical */
+#endif
+    for (int k = 0; k < D; k++) said->position[k] = bin->own[k];
+    return noise;
+}
+
+/* Gives a filter the mean bearing, and what has waited from after its time. What is earlier than the mean of the first bin, by
+   less than its width, counts as of its time. */
+static void leave(gbt_imm_ekf *filter, const gbt_binned_filter *binned, const gbt_binned_settings *settings,
+                  const gbt_sighting *said)
+{
+    gbt_imm_ekf_take(filter, &settings->filter, said);
+    for (int k = early(binned, said->time); k < binned->waiting.count; k++) {
+        gbt_sighting single = binned->waiting.sighting[k];
+        single.time = fmax(single.time, said->time);
+        gbt_imm_ekf_take(filter, &settings->filter, &single);
+    }
+}
+
+/* Takes in the newest bin, now that it is full, and what has waited for it. */
+static void step(gbt_binned_filter *binned, const gbt_binned_settings *settings)
+{
+    const gbt_bin *bin = &binned->bins.bin[binned->bins.count - 1];
+    gbt_real line[D], covariance[D * D], square;
+    gbt_sighting said;
+    const gbt_real noise = enter(&binned->filter, binned, settings, &said, line, covariance);
     if (innovation(line, covariance, bin->bearing, noise, &square) && gbt_lost_after(&binned->lost, square)) {
         binned->restarts++;
         begin(binned, 0, bin->own);
     }
-    said.time = bin->time;
-    said.kind = D == 2 ? GBT_AZIMUTH : GBT_AZIMUTH_ELEVATION;
-    said.stated = 1;
-    gbt_angles_of(bin->bearing, said.value);
-    for (int a = 0; a < GBT_AXES; a++) said.std[a] = gbt_sqrt(noise);
-#if GBT_DIMENSION == 3
-    said.std[0] /= gbt_fmax(gbt_cos(said.value[1]), LEAST_COSINE); /* an azimuth counts about the vertical */
-#endif
-    for (int k = 0; k < D; k++) said.position[k] = bin->own[k];
-    gbt_imm_ekf_take(&binned->filter, &settings->filter, &said);
+    leave(&binned->filter, binned, settings, &said);
+    binned->waiting.count = 0;
+    binned->waiting.full = binned->begun = 1;
+}
+
+/* Begins a new track after a gap; takes in the newest bin once that is full. */
+static void note(gbt_binned_filter *binned, const gbt_binned_settings *settings, double time, const gbt_real *own)
+{
+    gbt_waiting *waiting = &binned->waiting;
+    if (gbt_gap_ended(&binned->gaps, time)) {
+        gbt_bins_clear(&binned->bins);
+        gbt_waiting_clear(waiting);
+        begin(binned, 0, own);
+    }
+    waiting->latest = time;
+    if (!waiting->full && gbt_bins_filled_by(&binned->bins, &settings->binning, time)) step(binned, settings);
+    if (waiting->full) gbt_waiting_forget(waiting, settings->binning.width, time);
+}
+
+/* Takes in a bearing that is worth so many ordinary ones. */
+static void see(gbt_binned_filter *binned, const gbt_binned_settings *settings, double time, const gbt_real *bearing,
+                const gbt_real *own, gbt_real weight)
+{
+    note(binned, settings, time, own);
+    gbt_bins_add(&binned->bins, &settings->binning, time, bearing, own, 0, 0, weight);
+    binned->waiting.full = 0;
+    for (int k = 0; k < D; k++) binned->own[k] = own[k];
+}
+
+/* Has what waits for the newest bin in a filter of its own, with the bearings that the bin has. */
+static void foresee(gbt_binned_filter *binned, const gbt_binned_settings *settings)
+{
+    gbt_real line[D], covariance[D * D];
+    gbt_sighting said;
+    binned->foreseen = binned->waiting.count > 0 && !binned->waiting.full;
+    if (!binned->foreseen) return;
+    binned->foreseeing = binned->filter;
+    enter(&binned->foreseeing, binned, settings, &said, line, covariance);
+    leave(&binned->foreseeing, binned, settings, &said);
 }
 
 int gbt_binned_update(gbt_binned_filter *binned, const gbt_binned_settings *settings, double time, const gbt_real *bearing,
                       const gbt_real *own)
 {
-    if (!gbt_bins_can_add(&binned->bins, &settings->binning, time)) return 0;
-    if (gbt_gap_ended(&binned->gaps, time)) {
-        gbt_bins_clear(&binned->bins);
-        begin(binned, 0, own);
-    }
-    if (gbt_bins_filled_by(&binned->bins, &settings->binning, time)) step(binned, settings);
-    gbt_bins_add(&binned->bins, &settings->binning, time, bearing, own, 0, 0, 1);
-    for (int k = 0; k < D; k++) binned->own[k] = own[k];
+    if (time < binned->waiting.latest || !gbt_bins_can_add(&binned->bins, &settings->binning, time)) return 0;
+    see(binned, settings, time, bearing, own, 1);
+    foresee(binned, settings);
     return 1;
+}
+
+int gbt_binned_take(gbt_binned_filter *binned, const gbt_binned_settings *settings, const gbt_sighting *sighting)
+{
+    const gbt_real std = settings->noise.std, *own = sighting->position;
+    gbt_sighting_parts parts;
+    if (!gbt_take_apart(sighting, binned->waiting.latest, &binned->bins, &settings->binning, std, &parts)) return 0;
+    if (!gbt_waiting_room(&binned->waiting, settings->binning.width, sighting->time)) return 0;
+    if (parts.bearing)
+        see(binned, settings, sighting->time, parts.unit, own, gbt_worth(&parts, std));
+    else
+        note(binned, settings, sighting->time, own);
+    if (parts.single && binned->begun && binned->waiting.full)
+        gbt_imm_ekf_take(&binned->filter, &settings->filter, &parts.rest);
+    else if (parts.single)
+        gbt_waiting_add(&binned->waiting, &parts.rest);
+    foresee(binned, settings);
+    return 1;
+}
+
+int gbt_binned_begun(const gbt_binned_filter *binned)
+{
+    return binned->foreseen ? binned->foreseeing.begun : binned->filter.begun;
 }
 
 void gbt_binned_predict(const gbt_binned_filter *binned, const gbt_binned_settings *settings, double time, gbt_real *mean,
                         gbt_real *covariance)
 {
-    gbt_imm_ekf_predict(&binned->filter, &settings->filter, time, mean, covariance);
+    const gbt_imm_ekf *filter = binned->foreseen ? &binned->foreseeing : &binned->filter;
+    gbt_imm_ekf_predict(filter, &settings->filter, time, mean, covariance);
 }
 
 int gbt_binned_observable(const gbt_binned_filter *binned, const gbt_binned_settings *settings)

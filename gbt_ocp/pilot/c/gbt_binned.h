@@ -6,6 +6,7 @@
 #include "gbt_imm_ekf.h"
 #include "gbt_lost.h"
 #include "gbt_noise.h"
+#include "gbt_waiting.h"
 
 GBT_BEGIN_C
 
@@ -20,8 +21,10 @@ typedef struct {
     gbt_real own[GBT_DIMENSION]; /* own position at the latest bearing, or where the track began */
     gbt_gaps gaps;
     gbt_lost lost;
-    gbt_imm_ekf filter;
+    int begun, foreseen;          /* whether a bin has been taken in, and whether what waits is in a filter of its own */
+    gbt_imm_ekf filter, foreseeing;
     gbt_bins bins;
+    gbt_waiting waiting;          /* for the newest bin to be full */
     gbt_real zero[GBT_DIMENSION]; /* where the coordinates of the settings begin */
 } gbt_binned_filter;
 
@@ -35,6 +38,12 @@ void gbt_binned_shift(gbt_binned_filter *binned, const gbt_real *way);
    there is no room for it in its bin. */
 int gbt_binned_update(gbt_binned_filter *binned, const gbt_binned_settings *settings, double time, const gbt_real *bearing,
                       const gbt_real *own);
+
+/* Takes a measurement of any kind but a size; 0 where gbt_can_take refuses it, or where there is no room. */
+int gbt_binned_take(gbt_binned_filter *binned, const gbt_binned_settings *settings, const gbt_sighting *sighting);
+
+/* Whether there is a covariance. */
+int gbt_binned_begun(const gbt_binned_filter *binned);
 
 /* Where the target is at a time, and the covariance of that: not a number before the first full bin. */
 void gbt_binned_predict(const gbt_binned_filter *binned, const gbt_binned_settings *settings, double time, gbt_real *mean,

@@ -35,7 +35,7 @@ void gbt_ekf_shift(gbt_ekf *filter, const gbt_real *way)
         filter->start[k] -= way[k];
         filter->zero[k] -= way[k];
         if (filter->begun) filter->mean[k] -= way[k];
-        for (int s = 0; s < GBT_SENSORS; s++) filter->own.position[s][k] -= way[k];
+        for (int s = 0; s <= GBT_SENSORS; s++) filter->own.position[s][k] -= way[k];
     }
 }
 

@@ -155,13 +155,12 @@ static void carry(gbt_component *one, gbt_real rows[D][N], gbt_real step, gbt_re
     }
 }
 
-void gbt_bank_advance(const gbt_held_prior *prior, gbt_component *one, gbt_real step, const gbt_real *moved)
+void gbt_bank_move(const gbt_component *one, gbt_real step, const gbt_real *moved, gbt_real *place, gbt_real slopes[D][N])
 {
-    gbt_real *m = one->mean, place[D], polar[D][D], slopes[D][N], rows[D][N];
-    const gbt_real course = m[GBT_AT_COURSE] + step / 2 * m[GBT_AT_TURN];
+    const gbt_real *m = one->mean, course = m[GBT_AT_COURSE] + step / 2 * m[GBT_AT_TURN];
     const gbt_real way = step * gbt_exp(gbt_fmin(m[GBT_AT_LEVEL] + m[GBT_AT_CHANGE], GBT_LARGEST_LOG_SPEED));
     const gbt_real cosine = way * gbt_cos(course), sine = way * gbt_sin(course);
-    const gbt_real keep = gbt_exp(-gbt_fabs(step) / prior->speed_time), std = speed_std(prior, one->branch);
+    gbt_real polar[D][D];
     gbt_bank_position(one, place, polar);
     for (int i = 0; i < D; i++) {
         place[i] -= moved[i];
@@ -179,6 +178,13 @@ void gbt_bank_advance(const gbt_held_prior *prior, gbt_component *one, gbt_real 
     place[2] += step * m[GBT_AT_CLIMB];
     slopes[2][GBT_AT_CLIMB] = step;
 #endif
+}
+
+void gbt_bank_advance(const gbt_held_prior *prior, gbt_component *one, gbt_real step, const gbt_real *moved)
+{
+    gbt_real *m = one->mean, place[D], slopes[D][N], rows[D][N];
+    const gbt_real keep = gbt_exp(-gbt_fabs(step) / prior->speed_time), std = speed_std(prior, one->branch);
+    gbt_bank_move(one, step, moved, place, slopes);
     const gbt_real level = gbt_fmax(place[0] * place[0] + place[1] * place[1], LEAST_COSINE * LEAST_COSINE * NEAREST_SQUARED);
     const gbt_real square = gbt_fmax(gbt_dot(place, place), NEAREST_SQUARED);
     for (int j = 0; j < N; j++) {
@@ -201,75 +207,6 @@ void gbt_bank_advance(const gbt_held_prior *prior, gbt_component *one, gbt_real 
     m[GBT_AT_LOG_RANGE] = gbt_log(square) / 2;
     m[GBT_AT_COURSE] = gbt_wrapped(m[GBT_AT_COURSE] + step * m[GBT_AT_TURN]);
     m[GBT_AT_CHANGE] *= keep;
-}
-
-/* Conditions a component on so many rows that are off by `off`: `cross` is the covariance of its numbers with them, `spread`
-   their own. Returns the squared standardised innovation. */
-static gbt_real condition(gbt_component *one, int rows, gbt_real cross[N][D], gbt_real spread[D][D], const gbt_real *off,
-                          gbt_real *log_determinant)
-{
-    /* by the Cholesky factor of the spread, l: half = cross l^-T, so that the covariance loses half half' */
-    gbt_real l[D][D] = {{0}}, whitened[D], half[N][D], square = 0;
-    *log_determinant = 0;
-    for (int r = 0; r < rows; r++) {
-        for (int c = 0; c <= r; c++) {
-            gbt_real rest = spread[r][c];
-            for (int k = 0; k < c; k++) rest -= l[r][k] * l[c][k];
-            l[r][c] = c == r ? gbt_sqrt(gbt_fmax(rest, LEAST)) : rest / l[c][c];
-        }
-        whitened[r] = off[r];
-        for (int k = 0; k < r; k++) whitened[r] -= l[r][k] * whitened[k];
-        whitened[r] /= l[r][r];
-        square += whitened[r] * whitened[r];
-        *log_determinant += 2 * gbt_log(l[r][r]);
-    }
-    for (int i = 0; i < N; i++)
-        for (int r = 0; r < rows; r++) {
-            half[i][r] = cross[i][r];
-            for (int k = 0; k < r; k++) half[i][r] -= l[r][k] * half[i][k];
-            half[i][r] /= l[r][r];
-            one->mean[i] += half[i][r] * whitened[r];
-        }
-    for (int i = 0; i < N; i++)
-        for (int j = 0; j <= i; j++)
-            for (int r = 0; r < rows; r++) one->covariance[AT(i, j)] -= half[i][r] * half[j][r];
-    return square;
-}
-
-gbt_real gbt_bank_correct(gbt_component *one, const gbt_real *angles, gbt_real variance)
-{
-    static const int seen[2] = {GBT_AT_AZIMUTH, GBT_AT_ELEVATION};
-    gbt_real cross[N][D], spread[D][D], off[D], log_determinant, cosine = 1;
-#if GBT_DIMENSION == 3
-    cosine = gbt_fmax(gbt_cos(one->mean[GBT_AT_ELEVATION]), LEAST_COSINE);
-#endif
-    off[0] = gbt_wrapped(angles[0] - one->mean[GBT_AT_AZIMUTH]);
-    for (int a = 0; a < GBT_AXES; a++) {
-        if (a > 0) off[a] = angles[a] - one->mean[seen[a]];
-        for (int i = 0; i < N; i++) cross[i][a] = one->covariance[AT(i, seen[a])];
-        for (int b = 0; b < GBT_AXES; b++) spread[a][b] = cross[seen[b]][a];
-        spread[a][a] += a == 0 ? variance / (cosine * cosine) : variance;
-    }
-    const gbt_real square = condition(one, GBT_AXES, cross, spread, off, &log_determinant);
-    one->log_weight -= (square + log_determinant + GBT_AXES * gbt_log(GBT_TURN)) / 2;
-    return square;
-}
-
-void gbt_bank_place(gbt_component *one, const gbt_real *position, const gbt_real *covariance)
-{
-    gbt_real place[D], slopes[D][D], cross[N][D], spread[D][D], off[D], log_determinant;
-    gbt_bank_position(one, place, slopes);
-    gbt_bank_spread(one, slopes, spread[0]);
-    for (int r = 0; r < D; r++) {
-        off[r] = position[r] - place[r];
-        for (int c = 0; c < D; c++) spread[r][c] += covariance[r * D + c];
-        for (int i = 0; i < N; i++) {
-            cross[i][r] = 0;
-            for (int a = 0; a < D; a++) cross[i][r] += one->covariance[AT(i, gbt_polar_at[a])] * slopes[r][a];
-        }
-    }
-    const gbt_real square = condition(one, D, cross, spread, off, &log_determinant);
-    one->log_weight -= (square + log_determinant) / 2;
 }
 
 /* ---- turn rates that are drawn again ---- */

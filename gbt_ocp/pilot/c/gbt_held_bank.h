@@ -49,11 +49,9 @@ void gbt_bank_start(const gbt_held_prior *prior, const gbt_real *angles, gbt_rea
 /* A component some seconds later, the vehicle having moved by `moved`, GBT_DIMENSION, in m. */
 void gbt_bank_advance(const gbt_held_prior *prior, gbt_component *one, gbt_real step, const gbt_real *moved);
 
-/* After a bearing with a variance across the line of sight; returns its squared standardised innovation. */
-gbt_real gbt_bank_correct(gbt_component *one, const gbt_real *angles, gbt_real variance);
-
-/* After the position relative to the vehicle was measured, with its covariance. */
-void gbt_bank_place(gbt_component *one, const gbt_real *position, const gbt_real *covariance);
+/* Where it is some seconds later relative to the vehicle, which has moved by `moved`, and slopes of that by the state now. */
+void gbt_bank_move(const gbt_component *one, gbt_real step, const gbt_real *moved, gbt_real *place,
+                   gbt_real slopes[GBT_DIMENSION][GBT_HELD]);
 
 /* Position relative to the vehicle at the mode, and its covariance; slopes by azimuth, log range(, elevation). */
 void gbt_bank_position(const gbt_component *one, gbt_real *place, gbt_real slopes[GBT_DIMENSION][GBT_DIMENSION]);

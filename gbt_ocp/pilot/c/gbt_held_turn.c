@@ -1,16 +1,16 @@
 #include "gbt_held_turn.h"
 
+#include "gbt_held_correct.h"
 #include "gbt_math.h"
 #include "gbt_nodes.h"
 
 #define D GBT_DIMENSION
 #define START_WIDTH ((gbt_real)4) /* deviations of a bearing's noise within which a track is begun about it */
 #define OPEN_S 5.0                /* s after the first bearing in which no turn rate is let go and all starts are kept */
-#define OPEN_MOST 4               /* how many times as many components are kept until the range is observable */
 #define AHEAD_MOST 40             /* components that are carried ahead */
 #define FORGOTTEN ((gbt_real)1e-6) /* weight below which a component is dropped */
 
-static const int cold_starts[3] = {7, 3, 12}; /* ranges, speeds and courses at which a track is begun */
+static const int cold_starts[3] = {7, 3, 12}; /* ranges, speeds and courses at which a track is begun; GBT_COMPONENTS at least */
 
 size_t gbt_held_turn_bytes(void) { return sizeof(gbt_held_turn); }
 size_t gbt_held_turn_work_bytes(void) { return sizeof(gbt_held_turn_work); }
@@ -19,6 +19,7 @@ size_t gbt_held_turn_work_bytes(void) { return sizeof(gbt_held_turn_work); }
 static void begin(gbt_held_turn *tracker, int known, const gbt_real *start)
 {
     gbt_bins_clear(&tracker->bins);
+    gbt_waiting_clear(&tracker->waiting);
     tracker->known = known;
     tracker->found = tracker->count = tracker->observable = 0;
     tracker->nodes = 2;
@@ -30,6 +31,7 @@ static void begin(gbt_held_turn *tracker, int known, const gbt_real *start)
 void gbt_held_turn_begin(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, const gbt_real *start)
 {
     gbt_gaps_init(&tracker->gaps, GBT_SCATTER_S, 0);
+    gbt_waiting_begin(&tracker->waiting);
     tracker->bins.latest = -HUGE_VAL;
     tracker->restarts = 0;
     for (int k = 0; k < D; k++) tracker->zero[k] = 0;
@@ -39,6 +41,7 @@ void gbt_held_turn_begin(gbt_held_turn *tracker, const gbt_held_turn_settings *s
 void gbt_held_turn_shift(gbt_held_turn *tracker, const gbt_real *way)
 {
     gbt_bins_shift(&tracker->bins, way);
+    gbt_waiting_shift(&tracker->waiting, way);
     for (int k = 0; k < D; k++) {
         tracker->own[k] -= way[k];
         tracker->zero[k] -= way[k];
@@ -198,25 +201,54 @@ static void start(gbt_held_turn *tracker, const gbt_held_turn_settings *settings
     look_ahead(tracker, settings, work);
 }
 
-/* Takes in the newest bin, now that it is full. */
-static void step(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work)
+/* Carries the components to a time, if that is to come, with the vehicle at `own`; returns how many draw again. */
+static int carry(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work, double time,
+                 const gbt_real *own)
 {
-    const gbt_bin *bin = &tracker->bins.bin[tracker->bins.count - 1];
-    const gbt_real seconds = (gbt_real)(bin->time - tracker->now), white = gbt_white_variance(settings->noise.std, settings->noise.estimated, &tracker->bins);
-    const int open = bin->time - tracker->first <= OPEN_S, held = tracker->count;
-    gbt_real angles[GBT_AXES], moved[D], square = 0;
-    int again = 0, most = held;
-    for (int j = 0; j < D; j++) moved[j] = bin->own[j] - tracker->own[j];
-    gbt_angles_of(bin->bearing, angles);
-    if (seconds > 0 && !open) {
+    const gbt_real seconds = (gbt_real)(time - tracker->now);
+    const int held = tracker->count;
+    gbt_real moved[D];
+    int again = 0;
+    if (!(seconds > 0)) return 0;
+    for (int j = 0; j < D; j++) moved[j] = own[j] - tracker->own[j];
+    if (time - tracker->first > OPEN_S) {
         const gbt_real share = -gbt_expm1(-seconds / settings->prior.hold);
         again = gbt_bank_draw_again(&settings->prior, tracker->component, held, share, &work->cells, work->again);
         for (int k = 0; k < held; k++) tracker->component[k].log_weight += gbt_log1p(-share);
     }
+    for (int k = 0; k < held + again; k++)
+        gbt_bank_advance(&settings->prior, at(tracker, work, k < held ? k : k - held + GBT_COMPONENTS), seconds, moved);
+    return again;
+}
+
+/* Keeps the likeliest, of weighed ones: all starts for a while, and more of them until the range is observable. */
+static void keep(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work, int again, double time)
+{
+    const int open = time - tracker->first <= OPEN_S;
+    int most = GBT_COMPONENTS;
+    if (!open && observable(tracker, work, again)) most = settings->components;
+    keep_likeliest(tracker, work, again, most, FORGOTTEN);
+}
+
+/* What is known, of the components that are kept. */
+static void look(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work)
+{
+    weigh(tracker, work, 0);
+    tracker->observable = observable(tracker, work, 0);
+    look_ahead(tracker, settings, work);
+}
+
+/* Takes in the newest bin, now that it is full. */
+static void step(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work)
+{
+    const gbt_bin *bin = &tracker->bins.bin[tracker->bins.count - 1];
+    const gbt_real white = gbt_white_variance(settings->noise.std, settings->noise.estimated, &tracker->bins);
+    const int again = carry(tracker, settings, work, bin->time, bin->own), held = tracker->count;
+    gbt_real angles[GBT_AXES], square = 0;
+    gbt_angles_of(bin->bearing, angles);
     for (int k = 0; k < held + again; k++) {
         const int slot = k < held ? k : k - held + GBT_COMPONENTS;
         gbt_component *one = at(tracker, work, slot);
-        if (seconds > 0) gbt_bank_advance(&settings->prior, one, seconds, moved);
         const gbt_real range = gbt_exp(one->mean[GBT_AT_LOG_RANGE]);
         const gbt_real noise = gbt_noise_of_mean(&settings->noise, bin->count, settings->binning.width, range, white);
         work->square[slot] = gbt_bank_correct(one, angles, noise);
@@ -227,11 +259,7 @@ static void step(gbt_held_turn *tracker, const gbt_held_turn_settings *settings,
         square += work->weight[slot] * work->square[slot];
     }
     const int lost = gbt_lost_after(&tracker->lost, square / GBT_AXES);
-    if (!open) {
-        most = settings->components * (observable(tracker, work, again) ? 1 : OPEN_MOST);
-        if (most > GBT_COMPONENTS) most = GBT_COMPONENTS;
-    }
-    keep_likeliest(tracker, work, again, most, FORGOTTEN);
+    keep(tracker, settings, work, again, bin->time);
     tracker->now = bin->time;
     for (int j = 0; j < D; j++) tracker->own[j] = bin->own[j];
     if (lost) {
@@ -240,20 +268,87 @@ static void step(gbt_held_turn *tracker, const gbt_held_turn_settings *settings,
         tracker->known = 0;
         start(tracker, settings, work, bin->time, bin->bearing, bin->own);
     } else {
-        weigh(tracker, work, 0);
-        tracker->observable = observable(tracker, work, 0);
-        look_ahead(tracker, settings, work);
+        look(tracker, settings, work);
     }
+}
+
+/* Begins a new track after a gap; takes in the newest bin once that is full. */
+static void note(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work, double time,
+                 const gbt_real *own)
+{
+    gbt_waiting *waiting = &tracker->waiting;
+    if (gbt_gap_ended(&tracker->gaps, time)) begin(tracker, 0, own);
+    waiting->latest = time;
+    gbt_waiting_forget(waiting, settings->binning.width, time);
+    if (!tracker->found || waiting->full || !gbt_bins_filled_by(&tracker->bins, &settings->binning, time)) return;
+    step(tracker, settings, work);
+    waiting->full = 1;
+}
+
+/* Takes in measurements of a time that are no bearings, from a place of the vehicle. What is in the newest bin has a mean time
+   to come: the bank waits at the oldest of it. */
+static void count(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work, double time,
+                  const gbt_real *own, const gbt_sighting *sighting, int some)
+{
+    const gbt_binned *oldest = &tracker->bins.sample[0];
+    const double until = tracker->waiting.full ? time : oldest->time;
+    const gbt_real *place = tracker->waiting.full ? own : oldest->own;
+    int again = carry(tracker, settings, work, until, place);
+    if (until > tracker->now) {
+        tracker->now = until;
+        for (int j = 0; j < D; j++) tracker->own[j] = place[j];
+    }
+    for (int k = 0; k < some; k++) {
+        const gbt_real lag = (gbt_real)(sighting[k].time - tracker->now);
+        for (int c = 0; c < tracker->count + again; c++) {
+            const int slot = c < tracker->count ? c : c - tracker->count + GBT_COMPONENTS;
+            gbt_bank_sight(at(tracker, work, slot), &sighting[k], lag, tracker->own, settings->noise.std);
+        }
+        weigh(tracker, work, again);
+        keep(tracker, settings, work, again, tracker->now);
+        again = 0;
+    }
+    look(tracker, settings, work);
+}
+
+/* Takes in a bearing that is worth so many ordinary ones. */
+static void see(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work, double time,
+                const gbt_real *bearing, const gbt_real *own, gbt_real weight)
+{
+    note(tracker, settings, work, time, own);
+    gbt_bins_add(&tracker->bins, &settings->binning, time, bearing, own, 0, 0, weight);
+    tracker->waiting.full = 0;
+    if (tracker->found) return;
+    start(tracker, settings, work, time, bearing, own);
+    if (tracker->waiting.count > 0)
+        count(tracker, settings, work, time, own, tracker->waiting.sighting, tracker->waiting.count);
+    tracker->waiting.count = 0;
 }
 
 int gbt_held_turn_update(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work,
                          double time, const gbt_real *bearing, const gbt_real *own)
 {
-    if (!gbt_bins_can_add(&tracker->bins, &settings->binning, time)) return 0;
-    if (gbt_gap_ended(&tracker->gaps, time)) begin(tracker, 0, own);
-    if (tracker->found && gbt_bins_filled_by(&tracker->bins, &settings->binning, time)) step(tracker, settings, work);
-    gbt_bins_add(&tracker->bins, &settings->binning, time, bearing, own, 0, 0, 1);
-    if (!tracker->found) start(tracker, settings, work, time, bearing, own);
+    if (time < tracker->waiting.latest || !gbt_bins_can_add(&tracker->bins, &settings->binning, time)) return 0;
+    see(tracker, settings, work, time, bearing, own, 1);
+    return 1;
+}
+
+int gbt_held_turn_take(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work,
+                       const gbt_sighting *sighting)
+{
+    const gbt_real std = settings->noise.std, *own = sighting->position;
+    gbt_sighting_parts parts;
+    if (!gbt_take_apart(sighting, tracker->waiting.latest, &tracker->bins, &settings->binning, std, &parts)) return 0;
+    if (!gbt_waiting_room(&tracker->waiting, settings->binning.width, sighting->time)) return 0;
+    if (parts.bearing)
+        see(tracker, settings, work, sighting->time, parts.unit, own, gbt_worth(&parts, std));
+    else
+        note(tracker, settings, work, sighting->time, own);
+    if (!parts.single) return 1;
+    if (tracker->found)
+        count(tracker, settings, work, sighting->time, own, &parts.rest, 1);
+    else
+        gbt_waiting_add(&tracker->waiting, &parts.rest);
     return 1;
 }
 

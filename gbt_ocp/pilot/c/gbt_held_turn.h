@@ -9,6 +9,7 @@
 
 #include "gbt_gaps.h"
 #include "gbt_held_ahead.h"
+#include "gbt_waiting.h"
 #include "gbt_lost.h"
 #include "gbt_mixed.h"
 #include "gbt_noise.h"
@@ -41,6 +42,7 @@ typedef struct {
     gbt_real covariance[GBT_HELD_NODES][GBT_DIMENSION][GBT_DIMENSION];
     gbt_bins bins;
     gbt_real zero[GBT_DIMENSION]; /* where the coordinates of the settings begin */
+    gbt_waiting waiting;          /* for the first bearing */
 } gbt_held_turn;
 
 /* What a step works on. */
@@ -68,6 +70,10 @@ void gbt_held_turn_shift(gbt_held_turn *tracker, const gbt_real *way);
    there is no room for it in its bin. */
 int gbt_held_turn_update(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work,
                          double time, const gbt_real *bearing, const gbt_real *own);
+
+/* Takes a measurement of any kind but a size; 0 where gbt_can_take refuses it, or where there is no room. */
+int gbt_held_turn_take(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work,
+                       const gbt_sighting *sighting);
 
 /* Gets ready to be asked for forecasts as far ahead as a time, from now on. */
 void gbt_held_turn_ask(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work, double time);

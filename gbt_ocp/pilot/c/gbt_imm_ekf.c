@@ -30,7 +30,7 @@ void gbt_imm_ekf_shift(gbt_imm_ekf *filter, const gbt_real *way)
         filter->start[k] -= way[k];
         filter->zero[k] -= way[k];
         for (int m = 0; m < GBT_MODES; m++) filter->models.mean[m][k] -= way[k];
-        for (int s = 0; s < GBT_SENSORS; s++) filter->own.position[s][k] -= way[k];
+        for (int s = 0; s <= GBT_SENSORS; s++) filter->own.position[s][k] -= way[k];
     }
 }
 
@@ -38,11 +38,13 @@ void gbt_imm_ekf_take(gbt_imm_ekf *filter, const gbt_imm_ekf_settings *settings,
 {
     gbt_real mean[D], spread[D][D], log_likelihood[GBT_MODES];
     gbt_polar_rows rows;
+    /* a track begins with a bearing, or where its position is known */
+    if (!filter->begun && !gbt_guess(&settings->guess, filter->known, filter->zero, sighting, mean, spread)) return;
     if (gbt_gap_ended(&filter->gaps, sighting->time)) begin(filter, 0, sighting->position);
     if (filter->begun) {
         gbt_imm_advance(&filter->models, &settings->models, (gbt_real)(sighting->time - filter->time));
     } else {
-        gbt_guess(&settings->guess, filter->known, filter->zero, sighting, mean, spread);
+        if (!gbt_guess(&settings->guess, filter->known, filter->zero, sighting, mean, spread)) return;
         gbt_imm_begin(&filter->models, &settings->models, mean, spread);
         filter->begun = 1;
     }

@@ -1,5 +1,5 @@
-/* Interacting models with extended updates: ImmExtendedTracker of tracking/filters/ekf.py in C, for bearings with a deviation
-   of their own. */
+/* Interacting models with extended updates: ImmExtendedTracker of tracking/filters/ekf.py in C, for measurements with a
+   deviation of their own. */
 #ifndef GBT_IMM_EKF_H
 #define GBT_IMM_EKF_H
 
@@ -32,7 +32,8 @@ void gbt_imm_ekf_begin(gbt_imm_ekf *filter, int known, const gbt_real *start, co
 /* Moves the origin of all positions by a way, GBT_DIMENSION. */
 void gbt_imm_ekf_shift(gbt_imm_ekf *filter, const gbt_real *way);
 
-/* Takes a bearing with a stated deviation, at or after the time of the last one. */
+/* Takes a measurement of any kind with a stated deviation, at or after the time of the last one; without effect where that
+   leaves no track. */
 void gbt_imm_ekf_take(gbt_imm_ekf *filter, const gbt_imm_ekf_settings *settings, const gbt_sighting *sighting);
 
 /* Where the target is at a time, and the covariance of that: not a number before the first measurement. */

@@ -40,7 +40,7 @@ static int tells_range(const gbt_mixture *mixture, const gbt_mixture_settings *s
 /* Whether a member has begun; interacting models before their first full bin know no covariance. */
 static int has_covariance(const gbt_mixture *mixture, const gbt_mixture_settings *settings, int member)
 {
-    return settings->member[member] == GBT_MEMBER_HELD_TURN || mixture->models.filter.begun;
+    return settings->member[member] == GBT_MEMBER_HELD_TURN || gbt_binned_begun(&mixture->models);
 }
 
 /* The members that a forecast is made of, with weights that sum to one. */
@@ -151,7 +151,7 @@ static void begin(gbt_mixture *mixture, const gbt_real *own)
 void gbt_mixture_begin(gbt_mixture *mixture, const gbt_mixture_settings *settings, const gbt_real *start)
 {
     gbt_gaps_init(&mixture->gaps, GBT_SCATTER_S, 0);
-    mixture->bins.latest = -HUGE_VAL;
+    mixture->bins.latest = mixture->latest = -HUGE_VAL;
     mixture->seen = 0;
     begin(mixture, start);
     gbt_held_turn_begin(&mixture->held, &settings->held, start);
@@ -170,12 +170,18 @@ void gbt_mixture_shift(gbt_mixture *mixture, const gbt_real *way)
     }
 }
 
-int gbt_mixture_update(gbt_mixture *mixture, const gbt_mixture_settings *settings, gbt_mixture_work *work, double time,
-                       const gbt_real *bearing, const gbt_real *own)
+/* Begins a new track after a gap: the members find the same one themselves. */
+static void note(gbt_mixture *mixture, double time, const gbt_real *own)
+{
+    if (gbt_gap_ended(&mixture->gaps, time)) begin(mixture, own);
+    mixture->latest = time;
+}
+
+/* Judges the members by a bin that is full, and adds a bearing to the newest one. */
+static void see(gbt_mixture *mixture, const gbt_mixture_settings *settings, gbt_mixture_work *work, double time,
+                const gbt_real *bearing, const gbt_real *own, gbt_real weight)
 {
     const double width = settings->binning.width, begins = floor(time / width) * width;
-    if (!gbt_bins_can_add(&mixture->bins, &settings->binning, time)) return 0;
-    if (gbt_gap_ended(&mixture->gaps, time)) begin(mixture, own); /* the members find the same gap themselves */
     if (begins != mixture->begins) {
         score(mixture, settings, begins);
         mixture->begins = begins;
@@ -188,12 +194,42 @@ int gbt_mixture_update(gbt_mixture *mixture, const gbt_mixture_settings *setting
     }
     for (int k = 0; k < D; k++) mixture->own[k] = own[k];
     mixture->seen = 1;
-    gbt_bins_add(&mixture->bins, &settings->binning, time, bearing, own, 0, 0, 1);
+    gbt_bins_add(&mixture->bins, &settings->binning, time, bearing, own, 0, 0, weight);
+}
+
+int gbt_mixture_update(gbt_mixture *mixture, const gbt_mixture_settings *settings, gbt_mixture_work *work, double time,
+                       const gbt_real *bearing, const gbt_real *own)
+{
+    if (time < mixture->latest || !gbt_bins_can_add(&mixture->bins, &settings->binning, time)) return 0;
+    note(mixture, time, own);
+    see(mixture, settings, work, time, bearing, own, 1);
     for (int m = 0; m < M; m++) {
         if (settings->member[m] == GBT_MEMBER_HELD_TURN)
             gbt_held_turn_update(&mixture->held, &settings->held, work, time, bearing, own);
         else
             gbt_binned_update(&mixture->models, &settings->models, time, bearing, own);
+    }
+    choose(mixture, settings);
+    return 1;
+}
+
+int gbt_mixture_take(gbt_mixture *mixture, const gbt_mixture_settings *settings, gbt_mixture_work *work,
+                     const gbt_sighting *sighting)
+{
+    const gbt_real std = settings->noise.std;
+    const double time = sighting->time;
+    gbt_sighting_parts parts;
+    if (!gbt_take_apart(sighting, mixture->latest, &mixture->bins, &settings->binning, std, &parts)) return 0;
+    if (!gbt_waiting_room(&mixture->held.waiting, settings->held.binning.width, time)) return 0;
+    if (!gbt_waiting_room(&mixture->models.waiting, settings->models.binning.width, time)) return 0;
+    note(mixture, time, sighting->position);
+    if (parts.bearing)
+        see(mixture, settings, work, time, parts.unit, sighting->position, gbt_worth(&parts, std));
+    for (int m = 0; m < M; m++) {
+        if (settings->member[m] == GBT_MEMBER_HELD_TURN)
+            gbt_held_turn_take(&mixture->held, &settings->held, work, sighting);
+        else
+            gbt_binned_take(&mixture->models, &settings->models, sighting);
     }
     choose(mixture, settings);
     return 1;

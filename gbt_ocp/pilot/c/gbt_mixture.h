@@ -29,6 +29,7 @@ typedef struct {
     gbt_real mean[GBT_MEMBERS][2][GBT_DIMENSION]; /* what each said of the two ends of the newest bin before it began */
     gbt_real covariance[GBT_MEMBERS][2][GBT_DIMENSION][GBT_DIMENSION];
     gbt_gaps gaps;
+    double latest;                 /* time of the latest measurement, s */
     gbt_bins bins;
     gbt_binned_filter models;
     gbt_held_turn held;
@@ -50,6 +51,10 @@ void gbt_mixture_shift(gbt_mixture *mixture, const gbt_real *way);
    there is no room for it in its bin. */
 int gbt_mixture_update(gbt_mixture *mixture, const gbt_mixture_settings *settings, gbt_mixture_work *work, double time,
                        const gbt_real *bearing, const gbt_real *own);
+
+/* Takes a measurement of any kind but a size; 0 where gbt_can_take refuses it, or where there is no room. */
+int gbt_mixture_take(gbt_mixture *mixture, const gbt_mixture_settings *settings, gbt_mixture_work *work,
+                     const gbt_sighting *sighting);
 
 /* Gets ready to be asked for forecasts as far ahead as a time, from now on. */
 void gbt_mixture_ask(gbt_mixture *mixture, const gbt_mixture_settings *settings, gbt_mixture_work *work, double time);

@@ -8,11 +8,13 @@
 
 GBT_BEGIN_C
 
+#define GBT_OF_BINS GBT_SENSORS /* number, among sensors, of the means of bins */
+
 /* Velocities of sensors, from where they were at their measurements. */
 typedef struct {
-    int seen[GBT_SENSORS];
-    double time[GBT_SENSORS];
-    gbt_real position[GBT_SENSORS][GBT_DIMENSION];
+    int seen[GBT_SENSORS + 1];
+    double time[GBT_SENSORS + 1];
+    gbt_real position[GBT_SENSORS + 1][GBT_DIMENSION];
     gbt_real velocity[GBT_DIMENSION]; /* of the sensor that measured last, 0 before one has measured twice */
 } gbt_own_velocities;
 

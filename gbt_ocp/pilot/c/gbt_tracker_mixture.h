@@ -3,7 +3,6 @@
 #define GBT_TRACKER_H
 
 #include "gbt_forecast.h"
-#include "gbt_polar.h"
 
 #include "gbt_mixture.h"
 
@@ -25,10 +24,7 @@ static inline void gbt_tracker_shift(gbt_tracker *tracker, const gbt_real *way) 
 /* Takes a measurement; 0 where it refuses it. */
 static inline int gbt_tracker_take(gbt_tracker *tracker, gbt_tracker_work *work, const gbt_sighting *sighting)
 {
-    gbt_real bearing[GBT_DIMENSION];
-    if (!gbt_is_bearing(sighting) || !gbt_can_take(sighting, 1, tracker->bins.latest)) return 0;
-    gbt_unit_of_angles(sighting->value, bearing);
-    return gbt_mixture_update(tracker, &gbt_tracker_settings, work, sighting->time, bearing, sighting->position);
+    return gbt_mixture_take(tracker, &gbt_tracker_settings, work, sighting);
 }
 
 /* The forecast from a time on. */

@@ -215,10 +215,15 @@ def _remainder(grid: Array) -> float:
     return max(1.0 - float(weights @ grid**2 / weights.sum()), 0.05)
 
 
-def advanced(prior: HeldTurnPrior, given: Components, step: float, moved: Array) -> Components:
-    """The components ``step`` seconds later, the vehicle having moved by ``moved`` ``(d,)`` in metres."""
+def moved_on(given: Components, step: float, moved: Array) -> tuple[Array, Array]:
+    """Positions ``step`` seconds later relative to the vehicle, which has moved by ``moved`` ``(d,)`` in metres.
+
+    Returns
+    -------
+    Positions ``(N, d)`` in metres and their slopes by the states now ``(N, d, n)``. What is drawn in the meantime moves
+    nothing yet.
+    """
     m = given.means
-    n, d = m.shape[1], len(moved)
     place, slopes = given.positions()
     course = m[:, COURSE] + 0.5 * step * m[:, TURN]
     way = step * np.exp(np.minimum(m[:, LEVEL] + m[:, CHANGE], LARGEST_LOG_SPEED))
@@ -229,9 +234,17 @@ def advanced(prior: HeldTurnPrior, given: Components, step: float, moved: Array)
     slopes[:, :2, TURN] = 0.5 * step * slopes[:, :2, COURSE]
     slopes[:, 0, LEVEL], slopes[:, 1, LEVEL] = cosine, sine
     slopes[:, :2, CHANGE] = slopes[:, :2, LEVEL]
-    if d == 3:
+    if len(moved) == 3:
         place[:, 2] += step * m[:, CLIMB] - moved[2]
         slopes[:, 2, CLIMB] = step
+    return place, slopes
+
+
+def advanced(prior: HeldTurnPrior, given: Components, step: float, moved: Array) -> Components:
+    """The components ``step`` seconds later, the vehicle having moved by ``moved`` ``(d,)`` in metres."""
+    m = given.means
+    n, d = m.shape[1], len(moved)
+    place, slopes = moved_on(given, step, moved)
     level = np.maximum(place[:, 0] ** 2 + place[:, 1] ** 2, LEAST_COSINE**2 * NEAREST_SQUARED)
     square = np.maximum(np.sum(place**2, axis=1), NEAREST_SQUARED)
     keep = np.exp(-abs(step) / prior.speed_time)
@@ -242,9 +255,9 @@ def advanced(prior: HeldTurnPrior, given: Components, step: float, moved: Array)
     transition[:, COURSE, TURN] = step
     transition[:, CHANGE, CHANGE] = keep
     means = m.copy()
-    means[:, AZIMUTH] += _wrapped(np.arctan2(place[:, 1], place[:, 0]) - m[:, AZIMUTH])
+    means[:, AZIMUTH] += wrapped(np.arctan2(place[:, 1], place[:, 0]) - m[:, AZIMUTH])
     means[:, LOG_RANGE] = 0.5 * np.log(square)
-    means[:, COURSE] = _wrapped(m[:, COURSE] + step * m[:, TURN])
+    means[:, COURSE] = wrapped(m[:, COURSE] + step * m[:, TURN])
     means[:, CHANGE] *= keep
     if d == 3:
         flat = np.sqrt(level)
@@ -262,7 +275,7 @@ def let_go(prior: HeldTurnPrior, given: Components, step: float) -> tuple[Compon
     held = Components(given.log_weights + np.log1p(-share), given.means, given.covariances, given.branches)
     m = given.means
     log_range = np.clip(np.floor(m[:, LOG_RANGE] / CELL[0]), 0.0, RANGE_CELLS - 1.0)
-    cells = np.stack([given.branches, log_range, np.floor(_wrapped(m[:, COURSE]) / CELL[1])], axis=-1)
+    cells = np.stack([given.branches, log_range, np.floor(wrapped(m[:, COURSE]) / CELL[1])], axis=-1)
     _, label = np.unique(cells, axis=0, return_inverse=True)
     again = merged(given, np.asarray(label, dtype=np.intp).ravel())
     return held, drawn(prior, Components(again.log_weights + np.log(share), *list(vars(again).values())[1:]))
@@ -292,7 +305,7 @@ def merged(given: Components, label: NDArray[np.intp]) -> Components:
     means = given.means.copy()
     for angle in (AZIMUTH, COURSE):
         near = given.means[best[label], angle]
-        means[:, angle] = near + _wrapped(means[:, angle] - near)
+        means[:, angle] = near + wrapped(means[:, angle] - near)
     share = (weights[:, None] * member / np.maximum(totals, 1e-300)).T
     mean = share @ means
     apart = means - mean[label]
@@ -303,46 +316,6 @@ def merged(given: Components, label: NDArray[np.intp]) -> Components:
         return Components(np.log(totals) + top, mean, covariance, given.branches[best])
 
 
-def corrected(given: Components, angles: Array, noise: Array) -> tuple[Components, Array, Array]:
-    """The components after a bearing, its log density under each, and its squared standardised innovations.
-
-    Parameters
-    ----------
-    given
-        The components at its time.
-    angles
-        Azimuth, and elevation in space, in radians ``(d-1,)``.
-    noise
-        Variance of the bearing across the line of sight under each component, in rad² ``(N,)``.
-
-    Returns
-    -------
-    The components, and ``(N,)`` twice; the density is in rad^-(d-1).
-    """
-    m, cov = given.means, given.covariances
-    seen = [AZIMUTH] if len(angles) == 1 else [AZIMUTH, ELEVATION]
-    off = np.stack([_wrapped(angles[0] - m[:, AZIMUTH]), *(angles[1:] - m[:, seen[1:]]).T], axis=-1)
-    gain = cov[:, :, seen]
-    spread = gain[:, seen, :].copy()
-    spread[:, 0, 0] += noise if len(seen) == 1 else noise / np.maximum(np.cos(m[:, ELEVATION]), LEAST_COSINE) ** 2
-    if len(seen) == 2:
-        spread[:, 1, 1] += noise
-        determinant = spread[:, 0, 0] * spread[:, 1, 1] - spread[:, 0, 1] ** 2
-        inverse = np.empty_like(spread)
-        inverse[:, 0, 0], inverse[:, 1, 1] = spread[:, 1, 1], spread[:, 0, 0]
-        inverse[:, 0, 1] = inverse[:, 1, 0] = -spread[:, 0, 1]
-        inverse /= determinant[:, None, None]
-    else:
-        determinant, inverse = spread[:, 0, 0], 1.0 / spread
-    gain = gain @ inverse
-    squares = np.einsum("ni,nij,nj->n", off, inverse, off)
-    density = -0.5 * (squares + np.log(determinant) + len(seen) * np.log(2.0 * np.pi))
-    means = m + np.einsum("nij,nj->ni", gain, off)
-    covariances = cov - gain @ spread @ np.swapaxes(gain, 1, 2)
-    covariances = 0.5 * (covariances + np.swapaxes(covariances, 1, 2))
-    return Components(given.log_weights + density, means, covariances, given.branches), density, squares
-
-
-def _wrapped(angle: Array) -> Array:
+def wrapped(angle: Array) -> Array:
     """Angles in radians, in [-π, π)."""
     return np.asarray(np.mod(angle + np.pi, 2.0 * np.pi) - np.pi)

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+import math
+from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gbt_ocp.models.measurements import MeasurementKind, Sighting
 from gbt_ocp.tracking.bins import BearingBins
+from gbt_ocp.tracking.decomposed import BY_ITSELF, SightingParts, parts_of
 from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.held.ahead import positions_ahead
 from gbt_ocp.tracking.held.bank import (
@@ -14,27 +19,26 @@ from gbt_ocp.tracking.held.bank import (
     HeldTurnPrior,
     advanced,
     begun,
-    corrected,
     let_go,
+    moved_on,
 )
+from gbt_ocp.tracking.held.corrections import corrected, placed, sighted
 from gbt_ocp.tracking.lost import LostTrack
 from gbt_ocp.tracking.noise import SCATTER_S, BearingNoise
+from gbt_ocp.tracking.polar import WITHOUT_SIZE, checked_sighting, polar_rows
 from gbt_ocp.tracking.priors import PositionPrior, unseen
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, mixed, mixed_at_median, relative_range_std
 from gbt_ocp.tracking.shape.moments import NodeMoments, on_both_sides
 from gbt_ocp.typing import Array
 
 COLD_STARTS = (7, 3, 12)
-"""Ranges, speeds and courses at which a track is begun."""
+"""Ranges, speeds and courses at which a track is begun; as many components are kept until the range is observable."""
 
 START_WIDTH = 4.0
 """Deviations of a bearing's noise within which a track is begun about it."""
 
 OPEN_S = 5.0
 """Seconds after the first bearing in which no component lets go of its turn rate and all starts are kept."""
-
-OPEN_MOST = 4
-"""How many times as many components are kept until the range is observable."""
 
 AHEAD_STEP = 2.0
 """Seconds between the nodes of a forecast; between them it is linear."""
@@ -50,7 +54,8 @@ class HeldTurnTracker(RestartingTracker):
     """The mixture over the times at which the turn rate was drawn last; see :mod:`~gbt_ocp.tracking.held.bank`.
 
     Bearings are averaged over short bins; each full bin is one step of the bank. A track whose recent bearings no
-    component foresaw is begun again.
+    component foresaw is begun again. What is no bearing, or was seen by another vehicle, counts at once, by what the
+    components that there are foresee of its time.
 
     Parameters
     ----------
@@ -81,6 +86,9 @@ class HeldTurnTracker(RestartingTracker):
         If a parameter is out of range.
     """
 
+    takes: tuple[MeasurementKind, ...] = WITHOUT_SIZE
+    """Kinds of measurements that :meth:`take` takes: a size is no coordinate of the bank."""
+
     def __init__(
         self,
         dimension: int,
@@ -99,14 +107,15 @@ class HeldTurnTracker(RestartingTracker):
         self._noise = noise
         self._prior = prior
         self._most = components
+        self._most_open = max(components, math.prod(COLD_STARTS) * len(prior.branches[0]))
         self._gaps = Gaps(span=SCATTER_S)
         self.restarts = 0
         self._begin(PositionPrior(np.zeros(dimension)) if position is None else position)
 
     @property
-    def settings(self) -> tuple[HeldTurnPrior, BearingNoise, BearingBins, int, PositionPrior]:
-        """Priors, noise and bins; how many components are kept; and where a track begins."""
-        return self._prior, self._noise, self._bins, self._most, self._position
+    def settings(self) -> tuple[HeldTurnPrior, BearingNoise, BearingBins, tuple[int, int], PositionPrior]:
+        """Priors, noise and bins; how many components are kept, then and before; and where a track begins."""
+        return self._prior, self._noise, self._bins, (self._most, self._most_open), self._position
 
     def _begin(self, position: PositionPrior) -> None:
         self._bins.clear()
@@ -114,6 +123,9 @@ class HeldTurnTracker(RestartingTracker):
         self._own = position.start
         self._now = self._first = np.nan
         self._found: Components | None = None
+        self._full = False
+        self._latest = -np.inf
+        self._waiting: list[Sighting] = []
         self._ahead: NodeMoments | None = None
         self._asked = 0.0
         self._lost = LostTrack()
@@ -134,13 +146,58 @@ class HeldTurnTracker(RestartingTracker):
         """
         t = float(time)
         b, own = self._bins.checked(t, bearing, own_position)
-        if self._gaps.ended(t):
-            self._restart(own)
-        if self._found is not None and self._bins.is_filled_by(t):
-            self._step()
-        self._bins.append(t, b, own)
+        if t < self._latest:
+            raise ValueError(f"time: found {t} after {self._latest}; allowed: times that do not decrease")
+        self._seen(t, b, own)
+
+    def take(self, sighting: Sighting) -> None:
+        """Take in a measurement of any kind in :attr:`takes`, with its own noise, at or after the latest time.
+
+        Measurements that are no bearings count from the bin of the first bearing on.
+
+        Raises
+        ------
+        ValueError
+            If the kind is not taken or the measurement is out of order; the tracker is then unchanged.
+        """
+        checked_sighting(sighting, self.takes, "held_turn", self.dimension, self._latest, sized=False)
+        parts, own = parts_of(sighting, self._noise.std), sighting.position
+        if parts.bearing is not None and not parts.platform:
+            self._seen(sighting.time, parts.bearing, own, parts)
+            return
+        if parts.platform:
+            self._further(sighting.time, (sighting,), self._own)
+        else:
+            self._further(sighting.time, parts.singles, own)
+
+    def _seen(self, time: float, bearing: Array, own: Array, parts: SightingParts = BY_ITSELF) -> None:
+        """Take in a bearing, and what came with it."""
+        self._note(time, own)
+        self._bins.append(time, bearing, own, weight=parts.worth(self._noise.std), same_time=True)
+        self._full = False
         if self._found is None:
-            self._start(t, b, own)
+            self._start(time, bearing, own)
+            waiting, self._waiting = self._waiting, []
+            self._count(time, own, waiting)
+        self._count(time, own, parts.singles)
+
+    def _further(self, time: float, singles: Sequence[Sighting], own: Array) -> None:
+        """Take in what is no bearing of the own vehicle, which is at ``own`` ``(d,)`` as far as it is known."""
+        self._note(time, own)
+        if self._found is None:
+            self._waiting.extend(singles)
+        else:
+            self._count(time, own, singles)
+
+    def _note(self, time: float, own: Array) -> None:
+        """Begin a new track after a gap; take in the newest bin once that is full."""
+        if self._gaps.ended(time):
+            self._restart(own)
+        self._latest = time
+        self._waiting = [one for one in self._waiting if self._bins.are_together(one.time, time)]
+        if self._found is not None and not self._full and self._bins.is_filled_by(time):
+            self._step()
+            self._full = True
 
     def _start(self, time: float, bearing: Array, own: Array) -> None:
         """All starts about a bearing, a little wider than its noise: it counts with the rest of its bin."""
@@ -150,20 +207,44 @@ class HeldTurnTracker(RestartingTracker):
         self._own = own
         self._ahead = None
         if self._position.known is not None:
-            self._found = _placed(self._found, own, *self._position.known)
+            self._found = placed(self._found, own, *self._position.known)
+
+    def _carried(self, time: float, own: Array) -> Components:
+        """The components at a time in seconds after now, with the vehicle at ``own`` ``(d,)``."""
+        assert self._found is not None, "begun"
+        step, found = time - self._now, self._found
+        if time - self._first > OPEN_S:
+            held, again = let_go(self._prior, found, step)
+            found = held.joined(again)
+        return advanced(self._prior, found, step, own - self._own)
+
+    def _count(self, time: float, own: Array, singles: Sequence[Sighting]) -> None:
+        """Weigh and correct the components by measurements of a time; nothing waits for what is in a full bin."""
+        if not singles:
+            return
+        # what is in the newest bin has a mean time to come: the bank waits at the oldest of it
+        at, place = (time, own) if self._full else self._bins.first
+        if at > self._now:
+            self._found = self._carried(at, place)
+            self._now, self._own = at, place
+        for single in singles:
+            assert self._found is not None, "begun"
+            found = self._found
+            place, slopes = moved_on(found, single.time - self._now, np.zeros(self.dimension))
+            found = sighted(found, slopes, polar_rows(single, self._own + place, self._noise.std))
+            self._found, self._ahead = self._kept(found, self._now), None
+
+    def _kept(self, found: Components, time: float) -> Components:
+        """The likeliest components: all starts for a while, and more of them until the range is observable."""
+        open_ = time - self._first <= OPEN_S
+        return found.likeliest(len(found) if open_ else self._most if self._observable(found) else self._most_open)
 
     def _step(self) -> None:
         """Take in the newest bin, now that it is full."""
         assert self._found is not None, "begun"
         means = self._bins.means()
         time, own = float(means.times[-1]), means.own_positions[-1]
-        step = time - self._now
-        found = self._found
-        if step > 0.0:
-            if time - self._first > OPEN_S:
-                held, again = let_go(self._prior, found, step)
-                found = held.joined(again)
-            found = advanced(self._prior, found, step, own - self._own)
+        found = self._carried(time, own) if time > self._now else self._found
         noise = self._noise.of_mean(
             float(means.counts[-1]),
             self._bins.width,
@@ -173,9 +254,7 @@ class HeldTurnTracker(RestartingTracker):
         found, _, squares = corrected(found, _angles(means.bearings[-1]), noise)
         weights = found.weights
         lost = self._lost.after(float(weights @ squares) / (self.dimension - 1))
-        open_ = time - self._first <= OPEN_S
-        most = len(found) if open_ else self._most * (1 if self._observable(found) else OPEN_MOST)
-        self._found = found.likeliest(most)
+        self._found = self._kept(found, time)
         self._now, self._own, self._ahead = time, own, None
         if lost:
             self.restarts += 1
@@ -251,25 +330,3 @@ def _angles(bearing: Array) -> Array:
     if len(bearing) == 2:
         return np.array([azimuth])
     return np.array([azimuth, np.arctan2(bearing[2], np.hypot(bearing[0], bearing[1]))])
-
-
-def _scaled(given: Components, share: float) -> Components:
-    return Components(given.log_weights + np.log(share), given.means, given.covariances, given.branches)
-
-
-def _dense(labels: NDArray[np.intp]) -> NDArray[np.intp]:
-    return np.asarray(np.unique(labels, return_inverse=True)[1], dtype=np.intp)
-
-
-def _placed(found: Components, own: Array, mean: Array, covariance: Array) -> Components:
-    """The components after the position was measured with this mean and covariance."""
-    place, slopes = found.positions()
-    gain = found.covariances @ np.swapaxes(slopes, 1, 2)
-    spread = slopes @ gain + covariance
-    off = mean - own - place
-    inverse = np.linalg.inv(spread)
-    gain = gain @ inverse
-    density = -0.5 * (np.einsum("ni,nij,nj->n", off, inverse, off) + np.linalg.slogdet(spread)[1])
-    means = found.means + np.einsum("nij,nj->ni", gain, off)
-    covariances = found.covariances - gain @ spread @ np.swapaxes(gain, 1, 2)
-    return Components(found.log_weights + density, means, covariances, found.branches)
