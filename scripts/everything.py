@@ -54,7 +54,7 @@ class Job:
     tables: str = ""
 
 
-COUNTS = {"--seeds", "--runs", "--problems", "--printed", "--ipopt"}
+COUNTS = {"--count", "--seeds", "--runs", "--problems", "--printed", "--ipopt"}
 """Options of the commands that say how often something is done."""
 
 
@@ -94,6 +94,8 @@ def benchmark(script: str, *arguments: str, name: str = "", minutes: float | Non
     return Job(name or script, (f"benchmarks/{script}.py", *arguments), minutes)
 
 
+SHOOTING_PEERS = ("--seconds", "30", "--loop-seconds", "0", "--planners", "degree 4, C1; held thrust; alpaqa")
+
 BENCHMARKS = (
     benchmark("theory_optimal_bearings"),
     benchmark("theory_counterexamples"),
@@ -116,7 +118,12 @@ BENCHMARKS = (
     benchmark("shooting_figure", f"{OUT}/../shooting_loop/runs", f"{OUT}/shooting_reach.png"),
     benchmark("planner_peers", "--seconds", "30", "--figure", f"{OUT}/planner_peers.png"),
     benchmark("filter_noise"),
-    benchmark("growth", "--figure", f"{OUT}/growth.png", minutes=1.0),
+    benchmark("growth", "--only", "p,n_c,N_c", "--figure", f"{OUT}/growth.png", minutes=1.0),
+    benchmark("growth", "--only", "p by integration", name="shooting_growth"),
+    benchmark("shooting_cold", "--count", "1000", "--json", f"{OUT}/cold.json"),
+    benchmark("planner_peers", *SHOOTING_PEERS, "--pieces", "5", name="shooting_peers"),
+    benchmark("planner_peers", *SHOOTING_PEERS, "--pieces", "10", name="shooting_peers_10"),
+    benchmark("shooting_closed_loop", "--seeds", "10", "--json", f"{OUT}/loop.json"),
     benchmark("generated_c", "--seeds", "3", minutes=1.5),
     benchmark("kernel_versions", "--base", "e63aa57", "--repeats", "3", minutes=2.0),
     benchmark("single_precision"),

@@ -14,10 +14,10 @@ from gbt_ocp.typing import Array
 TIME = 0.3
 """Time constant of the estimate in s."""
 
-LONGEST = 0.5
+LONGEST_BETWEEN = 0.5
 """Longest time in s between two samples from which an acceleration is taken."""
 
-MOST = 0.5
+MOST_SHARE = 0.5
 """Share of the thrust limits within which the estimate is kept."""
 
 
@@ -62,7 +62,7 @@ class DisturbanceObserver:
             Seconds since then.
         """
         before, self._before = self._before, (z.copy(), dz.copy())
-        if before is None or not 0.0 < passed <= LONGEST:
+        if before is None or not 0.0 < passed <= LONGEST_BETWEEN:
             return self.estimate
         middle = z.copy()  # of the angles: no vehicle cares so exactly where it is
         for axis in range(self._dimension, len(z)):
@@ -71,7 +71,7 @@ class DisturbanceObserver:
         excess = acted - np.asarray(needed, dtype=float).ravel()
         if np.all(np.isfinite(excess)):
             moved = self.estimate + (1.0 - math.exp(-passed / TIME)) * (excess - self.estimate)
-            self.estimate = self._range.clip(moved, MOST)
+            self.estimate = self._range.clip(moved, MOST_SHARE)
         return self.estimate
 
     def forget(self) -> None:

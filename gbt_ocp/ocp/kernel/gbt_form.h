@@ -193,8 +193,9 @@ void gbt_step_along(gbt_workspace *work);
 #if GBT_BOX >= 0
 /* Newton's method within the bounds of the limit GBT_BOX, for trajectories that no other limit bounds: iterates from
    work->piece until a step of one per scaled unknown along the slopes, cut at the bounds, is within the tolerance, at most
-   so many times. Returns GBT_SOLVED and sets result->residual if all limits are kept there, GBT_ITERATION_LIMIT where the
-   interior-point method has to answer, as from where another limit is broken. Adds to result->iterations what it took. */
+   so many times. Returns GBT_SOLVED and sets result->residual if all limits are kept there, GBT_LIMIT_VIOLATED where
+   another limit is broken, so that the interior-point method has to answer, and GBT_ITERATION_LIMIT where it did not get
+   there. Adds to result->iterations what it took. */
 gbt_status gbt_minimise_in_box(const gbt_settings *settings, int iterations, gbt_workspace *work, gbt_result *result);
 #endif
 
