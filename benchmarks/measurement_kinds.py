@@ -1,6 +1,6 @@
 """What measurements with their own noise are worth: pings, angular sizes, two sensors; against bounds of their own.
 
-Run ``python benchmarks/measurement_kinds.py [--runs 50]``. It prints the table of docs/benchmarks.md. The bounds are
+Run ``python benchmarks/measurement_kinds.py [--runs 50]``. It prints the table of docs/benchmarks. The bounds are
 Cramér-Rao bounds of a target of constant velocity, from the Fisher information of the measurements, computed here.
 """
 

@@ -1,4 +1,4 @@
-"""Our planner against alpaqa, fatrop, CasADi Opti, rockit and do-mpc on the same problem: tables of docs/benchmarks.md.
+"""Our planner against alpaqa, fatrop, CasADi Opti, rockit and do-mpc on the same problem: tables of docs/benchmarks.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/planner_peers.py --seconds 30 --pieces 5 --json peers.json
 

@@ -1,4 +1,4 @@
-"""One step of the tracker beside peers at the same job: the table of docs/benchmarks.md.
+"""One step of the tracker beside peers at the same job: the table of docs/benchmarks.
 
     python benchmarks/tracker.py --steps 120 --repeat 3
 
