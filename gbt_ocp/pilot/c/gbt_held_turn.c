@@ -1,13 +1,13 @@
 #include "gbt_held_turn.h"
 
 #include "gbt_held_correct.h"
+#include "gbt_held_kept.h"
 #include "gbt_math.h"
 #include "gbt_nodes.h"
 
 #define D GBT_DIMENSION
 #define START_WIDTH ((gbt_real)4) /* deviations of a bearing's noise within which a track is begun about it */
 #define OPEN_S 5.0                /* s after the first bearing in which no turn rate is let go and all starts are kept */
-#define AHEAD_MOST 40             /* components that are carried ahead */
 #define FORGOTTEN ((gbt_real)1e-6) /* weight below which a component is dropped */
 
 static const int cold_starts[3] = {7, 3, 12}; /* ranges, speeds and courses at which a track is begun; GBT_COMPONENTS at least */
@@ -48,131 +48,6 @@ void gbt_held_turn_shift(gbt_held_turn *tracker, const gbt_real *way)
     }
 }
 
-/* ---- components ---- */
-
-/* A component by its number: those that are kept, then those that draw again. */
-static gbt_component *at(gbt_held_turn *tracker, gbt_held_turn_work *work, int slot)
-{
-    return slot < GBT_COMPONENTS ? &tracker->component[slot] : &work->again[slot - GBT_COMPONENTS];
-}
-
-/* Probabilities of so many components, from slot 0 on and from GBT_COMPONENTS on. */
-static void weigh(gbt_held_turn *tracker, gbt_held_turn_work *work, int again)
-{
-    const int rest = GBT_COMPONENTS - tracker->count;
-    gbt_real top = -GBT_INFINITY, total = 0;
-    for (int k = 0; k < tracker->count + again; k++)
-        top = gbt_fmax(top, at(tracker, work, k < tracker->count ? k : k + rest)->log_weight);
-    for (int k = 0; k < tracker->count + again; k++) {
-        const int slot = k < tracker->count ? k : k + rest;
-        gbt_component *one = at(tracker, work, slot);
-        one->log_weight -= top; /* they say only how one compares with another */
-        total += work->weight[slot] = gbt_exp(one->log_weight);
-    }
-    for (int k = 0; k < tracker->count + again; k++) work->weight[k < tracker->count ? k : k + rest] /= total;
-}
-
-/* Whether one slot comes before another: by weight, and of equal ones by number. */
-static int comes_first(const gbt_held_turn_work *work, int one, int other)
-{
-    return work->weight[one] > work->weight[other] || (work->weight[one] == work->weight[other] && one < other);
-}
-
-/* Keeps the likeliest components, at most so many, with more than a least weight, in the order of their weights. */
-static void keep_likeliest(gbt_held_turn *tracker, gbt_held_turn_work *work, int again, int most, gbt_real least)
-{
-    static const int gaps[] = {701, 301, 132, 57, 23, 10, 4, 1}; /* of Shell's sort (Ciura 2001) */
-    const int all = tracker->count + again;
-    int some = 0;
-    for (int k = 0; k < all; k++) {
-        const int slot = k < tracker->count ? k : k - tracker->count + GBT_COMPONENTS;
-        if (work->weight[slot] > least) work->order[some++] = (short)slot;
-    }
-    for (int g = 0; g < (int)(sizeof gaps / sizeof *gaps); g++)
-        for (int k = gaps[g]; k < some; k++) {
-            const short one = work->order[k];
-            int place = k;
-            for (; place >= gaps[g] && comes_first(work, one, work->order[place - gaps[g]]); place -= gaps[g])
-                work->order[place] = work->order[place - gaps[g]];
-            work->order[place] = one;
-        }
-    tracker->count = some < most ? some : most;
-    for (int k = 0; k < tracker->count; k++) {
-        int slot = work->order[k];
-        while (slot < k) slot = work->order[slot]; /* it has changed places with one that stands there by now */
-        if (slot == k) continue;
-        gbt_component *here = &tracker->component[k], *there = at(tracker, work, slot);
-        const gbt_component kept = *here;
-        const gbt_real weight = work->weight[k];
-        *here = *there;
-        *there = kept;
-        work->weight[k] = work->weight[slot];
-        work->weight[slot] = weight;
-    }
-}
-
-/* Whether components are reported at the median range: where the deviation of the log range, of which the sum of weights, the
-   weighed mean and the weighed mean square are given, is large. */
-static int at_median(gbt_real total, gbt_real mean, gbt_real square)
-{
-    return gbt_sqrt(gbt_fmax(square / total - mean / total * (mean / total), 0)) > GBT_RANGE_OBSERVABLE;
-}
-
-/* Whether so many components, with the weights in the workspace, are. */
-static int wide(gbt_held_turn *tracker, gbt_held_turn_work *work, int again)
-{
-    const gbt_real near = tracker->component[0].mean[GBT_AT_LOG_RANGE];
-    gbt_real total = 0, mean = 0, square = 0;
-    for (int k = 0; k < tracker->count + again; k++) {
-        const int slot = k < tracker->count ? k : k - tracker->count + GBT_COMPONENTS;
-        const gbt_component *one = at(tracker, work, slot);
-        const gbt_real weight = work->weight[slot], off = one->mean[GBT_AT_LOG_RANGE] - near;
-        total += weight;
-        mean += weight * off;
-        square += weight * (one->covariance[GBT_HELD_AT(GBT_AT_LOG_RANGE, GBT_AT_LOG_RANGE)] + off * off);
-    }
-    return at_median(total, mean, square);
-}
-
-/* Whether so many components tell the range to a quarter. */
-static int observable(gbt_held_turn *tracker, gbt_held_turn_work *work, int again)
-{
-    gbt_real mean[D], covariance[D * D], slopes[D][D];
-    gbt_mixed mixed;
-    gbt_mixed_begin(&mixed, wide(tracker, work, again));
-    for (int k = 0; k < tracker->count + again; k++) {
-        const int slot = k < tracker->count ? k : k - tracker->count + GBT_COMPONENTS;
-        const gbt_component *one = at(tracker, work, slot);
-        gbt_bank_position(one, mean, slopes);
-        gbt_bank_spread(one, slopes, covariance);
-        gbt_mixed_add(&mixed, work->weight[slot], mean, covariance);
-    }
-    gbt_mixed_moments(&mixed, mean, covariance);
-    return gbt_relative_range_std(mean, covariance, D) < GBT_RANGE_OBSERVABLE;
-}
-
-/* What is known of now and ahead, of the components that are kept. */
-static void look_ahead(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work)
-{
-    const int most = tracker->count < AHEAD_MOST ? tracker->count : AHEAD_MOST;
-    const int median = wide(tracker, work, 0);
-    gbt_real mean[D], covariance[D * D];
-    gbt_fading_begin(&settings->prior, tracker->nodes, &work->fading);
-    for (int node = 0; node < tracker->nodes; node++) gbt_mixed_begin(&work->mixed[node], median);
-    for (int k = 0; k < most; k++) {
-        const gbt_component *one = &tracker->component[k];
-        if (!(work->weight[k] > FORGOTTEN)) break;
-        gbt_ahead_begin(&work->ahead, &settings->prior, &work->fading, tracker->nodes, one, mean, covariance);
-        gbt_mixed_add(&work->mixed[0], work->weight[k], mean, covariance);
-        for (int node = 1; node < tracker->nodes; node++) {
-            gbt_ahead_next(&work->ahead, &work->fading, one, node, mean, covariance);
-            gbt_mixed_add(&work->mixed[node], work->weight[k], mean, covariance);
-        }
-    }
-    for (int node = 0; node < tracker->nodes; node++)
-        gbt_mixed_moments(&work->mixed[node], tracker->mean[node], tracker->covariance[node][0]);
-}
-
 /* ---- bearings in ---- */
 
 /* All starts about a bearing, a little wider than its noise: it counts with the rest of its bin. */
@@ -195,10 +70,10 @@ static void start(gbt_held_turn *tracker, const gbt_held_turn_settings *settings
         gbt_bank_start(&settings->prior, angles, START_WIDTH * START_WIDTH * white, cold_starts, k, one);
         if (tracker->known) gbt_bank_place(one, position, settings->known_covariance[0]);
     }
-    weigh(tracker, work, 0);
-    keep_likeliest(tracker, work, 0, tracker->count, -1);
-    tracker->observable = observable(tracker, work, 0);
-    look_ahead(tracker, settings, work);
+    gbt_held_weigh(tracker, work, 0);
+    gbt_held_keep_likeliest(tracker, work, 0, tracker->count, -1);
+    tracker->observable = gbt_held_observable(tracker, work, 0);
+    gbt_held_look_ahead(tracker, settings, work);
 }
 
 /* Carries the components to a time, if that is to come, with the vehicle at `own`; returns how many draw again. */
@@ -217,7 +92,7 @@ static int carry(gbt_held_turn *tracker, const gbt_held_turn_settings *settings,
         for (int k = 0; k < held; k++) tracker->component[k].log_weight += gbt_log1p(-share);
     }
     for (int k = 0; k < held + again; k++)
-        gbt_bank_advance(&settings->prior, at(tracker, work, k < held ? k : k - held + GBT_COMPONENTS), seconds, moved);
+        gbt_bank_advance(&settings->prior, gbt_held_at(tracker, work, k < held ? k : k - held + GBT_COMPONENTS), seconds, moved);
     return again;
 }
 
@@ -226,16 +101,16 @@ static void keep(gbt_held_turn *tracker, const gbt_held_turn_settings *settings,
 {
     const int open = time - tracker->first <= OPEN_S;
     int most = GBT_COMPONENTS;
-    if (!open && observable(tracker, work, again)) most = settings->components;
-    keep_likeliest(tracker, work, again, most, FORGOTTEN);
+    if (!open && gbt_held_observable(tracker, work, again)) most = settings->components;
+    gbt_held_keep_likeliest(tracker, work, again, most, FORGOTTEN);
 }
 
 /* What is known, of the components that are kept. */
 static void look(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work)
 {
-    weigh(tracker, work, 0);
-    tracker->observable = observable(tracker, work, 0);
-    look_ahead(tracker, settings, work);
+    gbt_held_weigh(tracker, work, 0);
+    tracker->observable = gbt_held_observable(tracker, work, 0);
+    gbt_held_look_ahead(tracker, settings, work);
 }
 
 /* Takes in the newest bin, now that it is full. */
@@ -248,12 +123,12 @@ static void step(gbt_held_turn *tracker, const gbt_held_turn_settings *settings,
     gbt_angles_of(bin->bearing, angles);
     for (int k = 0; k < held + again; k++) {
         const int slot = k < held ? k : k - held + GBT_COMPONENTS;
-        gbt_component *one = at(tracker, work, slot);
+        gbt_component *one = gbt_held_at(tracker, work, slot);
         const gbt_real range = gbt_exp(one->mean[GBT_AT_LOG_RANGE]);
         const gbt_real noise = gbt_noise_of_mean(&settings->noise, bin->count, settings->binning.width, range, white);
         work->square[slot] = gbt_bank_correct(one, angles, noise);
     }
-    weigh(tracker, work, again);
+    gbt_held_weigh(tracker, work, again);
     for (int k = 0; k < held + again; k++) {
         const int slot = k < held ? k : k - held + GBT_COMPONENTS;
         square += work->weight[slot] * work->square[slot];
@@ -302,9 +177,9 @@ static void count(gbt_held_turn *tracker, const gbt_held_turn_settings *settings
         const gbt_real lag = (gbt_real)(sighting[k].time - tracker->now);
         for (int c = 0; c < tracker->count + again; c++) {
             const int slot = c < tracker->count ? c : c - tracker->count + GBT_COMPONENTS;
-            gbt_bank_sight(at(tracker, work, slot), &sighting[k], lag, tracker->own, settings->noise.std);
+            gbt_bank_sight(gbt_held_at(tracker, work, slot), &sighting[k], lag, tracker->own, settings->noise.std);
         }
-        weigh(tracker, work, again);
+        gbt_held_weigh(tracker, work, again);
         keep(tracker, settings, work, again, tracker->now);
         again = 0;
     }
@@ -359,8 +234,8 @@ void gbt_held_turn_ask(gbt_held_turn *tracker, const gbt_held_turn_settings *set
     const double needed = ceil((time - tracker->now) / GBT_AHEAD_STEP) + 1;
     if (!tracker->found || !(needed > tracker->nodes) || tracker->nodes == GBT_HELD_NODES) return;
     tracker->nodes = needed < GBT_HELD_NODES ? (int)needed : GBT_HELD_NODES;
-    weigh(tracker, work, 0);
-    look_ahead(tracker, settings, work);
+    gbt_held_weigh(tracker, work, 0);
+    gbt_held_look_ahead(tracker, settings, work);
 }
 
 /* Before the latest full bin: the present motion led back. */
@@ -372,7 +247,7 @@ static void led_back(const gbt_held_turn *tracker, const gbt_held_turn_settings 
     gbt_real slopes[D][D], near = 0, total = 0, first = 0, second = 0;
     gbt_mixed mixed;
     for (int pass = 0; pass < 2; pass++) {
-        if (pass > 0) gbt_mixed_begin(&mixed, at_median(total, first, second));
+        if (pass > 0) gbt_mixed_begin(&mixed, gbt_held_at_median(total, first, second));
         for (int k = 0; k < tracker->count; k++) {
             gbt_component one = tracker->component[k];
             gbt_bank_advance(&settings->prior, &one, seconds, still);
