@@ -4,8 +4,8 @@
     python benchmarks/plant_errors.py case2 case5 --seeds 5 --duration 10 --out runs/plant_cases
 
 One sweep a configuration, resumed where it stopped. At sea each factor on mass, added mass and drag comes with
-thrust 10 % weak, a lag of 0.3 s and a force of the drag of 0.3 m/s of water (30 N in surge, 56 N in sway). A case has
-the factor 1.2 alone.
+thrust 10 % weak, a lag of 0.3 s that the follower knows of, and a force of the drag of 0.3 m/s of water (30 N in surge,
+56 N in sway). A case has the factor 1.2 alone.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ import numpy as np
 import gbt_ocp as gbt
 from gbt_ocp.experiments.config.yaml_dialect import parse
 
+LAG = 0.3
+"""Time constant in s of the thrusters, which the follower knows."""
+
 FORCE = 40.0
 """Force in N on each horizontal axis, earth frame."""
 
@@ -33,7 +36,8 @@ def plants(configuration: str) -> dict[str, dict[str, Any]]:
     at_sea = configuration.startswith("sea")
     dimension = gbt.load_config(configuration).dimension
     force = [FORCE, FORCE, 0.0][:dimension]
-    more: dict[str, Any] = {"plant.thrust": 0.9, "plant.lag_s": 0.3, "plant.force": force} if at_sea else {}
+    weak = {"plant.thrust": 0.9, "plant.lag_s": LAG, "plant.force": force, "vehicle.thrust_lag_s": LAG}
+    more: dict[str, Any] = weak if at_sea else {}
     found: dict[str, dict[str, Any]] = {"model": {}}
     for factor in (1.05, 1.2, 1.5) if at_sea else (1.2,):
         scaled = {f"plant.{name}": factor for name in ("mass", "added_mass", "drag")}

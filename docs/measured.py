@@ -59,8 +59,14 @@ def rendered(text: str) -> str:
     MissingError
         If a file, a key, a row or a column is not there.
     """
-    text = PLACEHOLDER.sub(lambda found: _value(*found.groups()), text)
+    text = PLACEHOLDER.sub(lambda found: _indented(_value(*found.groups()), text, found.start()), text)
     return text.replace(AGES, ages()) if AGES in text else text
+
+
+def _indented(value: str, text: str, start: int) -> str:
+    """Lines of a table as far in as the first, so that it stays in a part of the page that folds."""
+    before = text[text.rfind("\n", 0, start) + 1 : start]
+    return value if before.strip() else value.replace("\n", f"\n{before}")
 
 
 def _value(name: str, key: str, row: str | None, column: str | None) -> str:

@@ -18,6 +18,7 @@ import argparse
 import json
 import os
 import platform
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -53,7 +54,7 @@ class Job:
     tables: str = ""
 
 
-COUNTS = {"--seeds", "--runs", "--problems", "--printed", "--ipopt"}
+COUNTS = {"--count", "--seeds", "--runs", "--problems", "--printed", "--ipopt"}
 """Options of the commands that say how often something is done."""
 
 
@@ -80,7 +81,7 @@ def going_on(arguments: Sequence[str]) -> list[str]:
 def study(name: str, runs: int) -> Job:
     """The job of a table or a figure of the paper; all share a folder, since figure 6 is of the runs of the tables."""
     command = own("reproduce", name, "--runs", str(runs), "--out", f"{OUT}/../paper")
-    return Job(name, command, tables=f"paper/{name}/{name}*.md")
+    return Job(name, command, tables=f"paper/{name}/report.md")
 
 
 def own(*arguments: str) -> tuple[str, ...]:
@@ -92,6 +93,8 @@ def benchmark(script: str, *arguments: str, name: str = "", minutes: float | Non
     """The job of a file in ``benchmarks/``."""
     return Job(name or script, (f"benchmarks/{script}.py", *arguments), minutes)
 
+
+SHOOTING_PEERS = ("--seconds", "30", "--loop-seconds", "0", "--planners", "degree 4, C1; held thrust; alpaqa")
 
 BENCHMARKS = (
     benchmark("theory_optimal_bearings"),
@@ -115,7 +118,12 @@ BENCHMARKS = (
     benchmark("shooting_figure", f"{OUT}/../shooting_loop/runs", f"{OUT}/shooting_reach.png"),
     benchmark("planner_peers", "--seconds", "30", "--figure", f"{OUT}/planner_peers.png"),
     benchmark("filter_noise"),
-    benchmark("growth", "--figure", f"{OUT}/growth.png", minutes=1.0),
+    benchmark("growth", "--only", "p,n_c,N_c", "--figure", f"{OUT}/growth.png", minutes=1.0),
+    benchmark("growth", "--only", "p by integration", name="shooting_growth"),
+    benchmark("shooting_cold", "--count", "1000", "--json", f"{OUT}/cold.json"),
+    benchmark("planner_peers", *SHOOTING_PEERS, "--pieces", "5", name="shooting_peers"),
+    benchmark("planner_peers", *SHOOTING_PEERS, "--pieces", "10", name="shooting_peers_10"),
+    benchmark("shooting_closed_loop", "--seeds", "10", "--json", f"{OUT}/loop.json"),
     benchmark("generated_c", "--seeds", "3", minutes=1.5),
     benchmark("kernel_versions", "--base", "e63aa57", "--repeats", "3", minutes=2.0),
     benchmark("single_precision"),
@@ -150,6 +158,7 @@ BENCHMARKS = (
         *("sea2d", "sea3d", "--effort", "0", "0.1", "0.3", "--seeds", "20", "--out", f"{OUT}/runs"),
         name="sea_effort",
     ),
+    benchmark("sea_two", "--seeds", "20", "--out", f"{OUT}/runs"),
     benchmark("sea_recorded", TRACKS, "--seeds", "4", "--duration", "120", "--out", f"{OUT}/runs"),
     benchmark(
         "sea_water", *("current", "vehicles", "setpoints", "--seeds", "20", "--duration", "120", "--out", f"{OUT}/runs")
@@ -215,7 +224,7 @@ def carry_out(job: Job, out: Path, tracks: str) -> dict[str, Any]:
         )
     after = os.times()
     found = {
-        "command": ["python", *arguments],
+        "command": printed(job),
         "exit": done.returncode,
         "wall_s": perf_counter() - began,
         # of the process and of all that it waited for
@@ -227,6 +236,13 @@ def carry_out(job: Job, out: Path, tracks: str) -> dict[str, Any]:
     temporary.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     temporary.replace(folder / "result.json")
     return found
+
+
+def printed(job: Job) -> list[str]:
+    """The command as a reader would write it, whatever the folders are called here."""
+    own_command = job.command[:2] == ("-m", "gbt_ocp.cli")
+    begin, rest = (["gbt-ocp"], job.command[2:]) if own_command else (["python"], job.command)
+    return begin + [_filled(part, {f"{OUT}/../paper": "DIR", OUT: "DIR", TRACKS: "TRACKS"}) for part in rest]
 
 
 def _load() -> float:
@@ -272,7 +288,7 @@ def write_tables(job: Job, out: Path, data: Path) -> None:
     """Write the tables that a job printed, or left as Markdown, as ``DATA/NAME.json``; a job may have none."""
     folder = out / job.name
     texts = sorted(out.glob(job.tables)) if job.tables else [folder / "output.txt", *sorted(folder.rglob("*.md"))]
-    if any("|---" in path.read_text(encoding="utf-8", errors="replace") for path in texts):
+    if any(re.search(r"\| ?:?---", path.read_text(encoding="utf-8", errors="replace")) for path in texts):
         script = str(ROOT / "scripts" / "write_data.py")
         where = ["--name", job.name, "--result", str(folder / "result.json"), "--data", str(data)]
         subprocess.run([sys.executable, script, *map(str, texts), *where], check=True)

@@ -3,8 +3,8 @@
 python scripts/write_data.py OUTPUT ... --name NAME --result RESULT.json
 
 OUTPUT are texts with Markdown tables, RESULT.json what ``scripts/everything.py`` leaves of a job (command, commit,
-machine, versions). A table has the key of the nearest heading, or text, above it. ``scripts/everything.py --data`` does
-the same for every job that it runs.
+machine, versions). A table has the key of the nearest heading, or text, above it; the findings of a study are the table
+``findings``. ``scripts/everything.py --data`` does the same for every job that it runs.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 DATA = Path(__file__).resolve().parents[1] / "docs" / "data"
+_FINDING = re.compile(r"- \*\*(.+?)\*\*: (.+?) Seen: (.+)")
 _RULE = re.compile(r"\|(?:\s*:?-+:?\s*\|)+")
 
 
@@ -40,6 +41,10 @@ def tables_in(text: str) -> dict[str, dict[str, Any]]:
             found[key] = {"columns": cells(line), "rows": rows}
         elif line.strip() and not line.startswith("|"):
             above = line
+    findings = [_FINDING.fullmatch(line.strip()) for line in lines]
+    rows = [[part.replace("|", r"\|") for part in one.group(2, 3, 1)] for one in findings if one]
+    if rows:
+        found["findings"] = {"columns": ["asked", "seen", "verdict"], "rows": rows}
     return found
 
 

@@ -134,6 +134,7 @@ static double start[GBT_STATE], x[N], lambda[GBT_SIDES];
 static void draw(int seed, const double *parameters)
 {
     srand((unsigned)seed);
+    work.first = 0;
     work.pieces = GBT_PIECES;
     work.count = GBT_COUNT;
     work.parameters = parameters;

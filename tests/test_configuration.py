@@ -254,3 +254,24 @@ def test_schema_describes_every_key_and_allows_no_other():
     assert "in degrees" in described["sensor.noise_deg"]["description"]
     assert "Allowed: a number in (0, 1]." in described["planner.gamma"]["description"]
     assert list(tree["properties"]) == list(Configuration.model_fields)
+
+
+def test_legs_of_a_slow_vehicle_are_as_long_as_those_of_a_fast_one() -> None:
+    """In metres: 24 across the line of sight, and for the desired bearing 12 s at 3 m/s round the target."""
+    slow = ["desired_bearing.target_speed=0.3", "limits.speed=0.7"]
+    for overrides in (["vehicle.parameters=bluerov2_heavy", *slow], slow):
+        found = load_config("sea2d", overrides=overrides)
+        assert found.guidance.startup_speed < 0.7, "it keeps its own limit while it crosses"
+        assert found.guidance.startup_speed * found.guidance.startup_leg_s == pytest.approx(24.0, abs=0.5)
+        assert (0.7 - 0.3) * found.desired_bearing.reverse_s == pytest.approx(36.0, abs=0.5)
+    weak = load_config("sea2d", overrides=["vehicle.parameters=bluerov2_heavy", "desired_bearing.target_speed=0.3"])
+    assert weak.guidance.startup_speed < 0.84, "what its thrusters keep up, without a limit of its speed"
+    told = load_config("sea2d", overrides=[*slow, "guidance.startup_leg_s=9", "desired_bearing.reverse_s=null"])
+    assert (told.guidance.startup_leg_s, told.desired_bearing.reverse_s) == (9.0, None), "what is written stands"
+    fast, at_once = load_config("sea2d"), load_config("case2", overrides=["limits.speed=0.7"])
+    assert (fast.guidance.startup_speed, fast.guidance.startup_leg_s, fast.desired_bearing.reverse_s) == (
+        3.0,
+        8.0,
+        12.0,
+    )
+    assert at_once.guidance.startup_speed == 3.0, "it does not cross"

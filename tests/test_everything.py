@@ -53,6 +53,12 @@ def test_a_tenth_of_all_counts_is_quick(everything):
     assert "--quick" in scenarios.command
 
 
+def test_the_command_is_said_without_the_folders_of_this_machine(everything):
+    said = {job.name: " ".join(everything.printed(job)) for job in everything.BENCHMARKS}
+    assert said["fig4"] == "gbt-ocp reproduce fig4 --runs 10 --out DIR --quiet"
+    assert said["recorded_tracks"] == "python benchmarks/recorded_tracks.py TRACKS --seeds 3"
+
+
 def test_a_study_of_the_paper_goes_on_in_its_folder(everything, tmp_path):
     begun = ["-m", "gbt_ocp.cli", "reproduce", "all", "--out", str(tmp_path)]
     assert everything.going_on(begun)[-2:] == ["--resume", str(tmp_path)]
@@ -73,6 +79,7 @@ def test_what_is_finished_is_kept_and_what_failed_is_run_again(everything, tmp_p
     assert (out / "good" / "output.txt").read_text() == "said\n"
     result = json.loads((out / "good" / "result.json").read_text())
     assert result["exit"] == 0
+    assert result["command"] == ["python", "-c", script, str(marks), "g"]
     assert 0.0 < result["processor_s"] < 60.0
     assert result["machine"]["python"].startswith("3.")
     summary = (out / "summary.md").read_text()

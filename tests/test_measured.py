@@ -53,6 +53,8 @@ def test_a_cell_and_a_table_are_those_of_the_file():
     assert measured.rendered(quoted) == row[table["columns"].index("least range m")]
     shown = measured.rendered("{{ data.comparison_sea.closed_loop }}")
     assert write_data.tables_in(shown) == {"table": table}
+    folded = measured.rendered('??? note "All"\n\n    {{ data.comparison_sea.closed_loop }}\n').splitlines()[2:]
+    assert [line.removeprefix("    ") for line in folded] == shown.splitlines()
 
 
 @pytest.mark.parametrize("name", measured.names())
@@ -93,5 +95,12 @@ def test_data_is_written_from_what_a_command_printed(tmp_path):
         "more": {"columns": ["a"], "rows": [["b"]]},
     }
     assert (found["commit"], found["seeds"]) == ("abc", "0 to 3")
+    report = "## Findings\n\n- **holds**: It is small. Seen: 0.1 m.\n- **does not hold**: It is 1 | 2. Seen: 3.\n"
+    assert write_data.tables_in(report) == {
+        "findings": {
+            "columns": ["asked", "seen", "verdict"],
+            "rows": [["It is small.", "0.1 m.", "holds"], ["It is 1 \\| 2.", "3.", "does not hold"]],
+        }
+    }
     assert found["command"] == ["python benchmarks/x.py --seeds 4"]
     assert found["versions"] == {"python": "3.11", "numpy": "2.1"}

@@ -217,7 +217,7 @@ def test_later_pieces_may_break_the_limits_and_are_reported():
 
 
 def test_tightening_ends_and_counts_as_a_failure():
-    tries = [solved(just_over(0.02))] * (TIGHTENINGS + 1)
+    tries = [solved(just_over(0.2))] * (TIGHTENINGS + 1)
     planner, script = planner_with(solved(FINE), *tries)
     first = planner.solve(REST, **numbers())
     second = planner.solve(first.trajectory.knots[1], **numbers())
@@ -228,10 +228,27 @@ def test_tightening_ends_and_counts_as_a_failure():
 
 
 def test_a_tightened_solve_that_fails_counts_as_a_failure():
-    planner, _ = planner_with(solved(FINE), solved(just_over(0.02)), failed("Infeasible"))
+    planner, _ = planner_with(solved(FINE), solved(just_over(0.2)), failed("Infeasible"))
     first = planner.solve(REST, **numbers())
     plan = planner.solve(first.trajectory.knots[1], **numbers())
     assert (plan.status, plan.fallback, plan.tightened) == ("Infeasible", "shifted", 1)
+
+
+@pytest.mark.parametrize("last", [[solved(just_over(0.03))] * TIGHTENINGS, [failed("Infeasible")]])
+def test_the_solution_that_breaks_the_thrust_least_is_mended_where_tightening_does_not_help(last):
+    planner, _ = planner_with(solved(FINE), solved(just_over(0.02)), *last)
+    first = planner.solve(REST, **numbers())
+    start = first.trajectory.knots[1]
+    plan = planner.solve(start, **numbers())
+    asked = just_over(0.02) * input_scale(posed())
+    assert (plan.fallback, plan.tightened) == ("", len(last))
+    assert plan.piece_violation[0] == 0.0
+    # the rest comes back to what was asked for: in two pieces, since position and velocity are continuous
+    meant = FlatTrajectory(PERIOD, start, asked)
+    changed = np.abs(plan.trajectory.knots - meant.knots).max(axis=(1, 2))
+    assert 0.0 < changed[1] < 0.05 * PERIOD * posed().vehicle.acceleration_scale.max()
+    np.testing.assert_allclose(changed[3:], 0.0, atol=1e-12)
+    np.testing.assert_allclose(plan.trajectory.top[3:], asked[3:], atol=1e-9)
 
 
 @pytest.mark.parametrize("formulation", ["hard", "penalty"])

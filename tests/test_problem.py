@@ -78,11 +78,12 @@ def test_program_is_objective_penalty_and_limits_of_the_trajectory(vehicle, degr
 
     assert objective[0] == pytest.approx(by_hand(numbers, plan.endpoints, vehicle.position_dimension), rel=1e-6)
 
-    # eq35 with γ = 0.9 - 0.03 and the hinge mended, by scipy's trapezoidal rule.
+    # eq35 with γ = 0.9, in the first piece 0.9 - 0.03, and the hinge mended, by scipy's trapezoidal rule.
     expected = 0.0
     for i in range(3):
         share = thrust(vehicle, [values[i] for values in plan.sample(7)]) / vehicle.thrust_max
-        for x in (share - 0.87, -share - 0.87):
+        gamma = 0.87 if i == 0 else 0.9
+        for x in (share - gamma, -share - gamma):
             g = np.where(x > 0.05, x, np.where(x < -0.05, 0.0, (x + 0.05) ** 2 / 0.2))
             expected += 70.0 * trapezoid(g, dx=PERIOD / 6, axis=0).sum()
     assert expected > 1.0
@@ -96,6 +97,10 @@ def test_program_is_objective_penalty_and_limits_of_the_trajectory(vehicle, degr
     np.testing.assert_allclose(limits, np.concatenate(nodes).ravel(), rtol=1e-9)
     np.testing.assert_allclose(built.upper, 0.9)
     np.testing.assert_allclose(built.lower, -0.9)
+    moved, first = built.inward(0.03), nodes[0].size
+    np.testing.assert_allclose(moved[:first], 0.03)
+    np.testing.assert_array_equal(moved[first:], 0.0)
+    assert len(moved) == limits.size
 
 
 @pytest.mark.parametrize("degree", [2, 3])

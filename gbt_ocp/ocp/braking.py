@@ -1,4 +1,4 @@
-"""The last resort: a plan that slows the vehicle down within its thrust, by a few projections, without any solver."""
+"""Plans within the thrust by a few projections, without any solver: to slow down, or to mend a first piece."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import acceleration
 from gbt_ocp.ocp.problem_data import ProblemData
-from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory, flat_point, propagate, settling
+from gbt_ocp.ocp.trajectory import FlatPoint, FlatTrajectory, flat_point, led_back, propagate, settling
 from gbt_ocp.typing import Array
 
 BRAKING_POINTS = 11
@@ -24,6 +24,10 @@ PROGRESS = 1.0e-4
 
 INSIDE = 0.998
 """Share of the limits that a projection leads to: between the points thrust may bulge a little."""
+
+
+MENDABLE = 0.1
+"""Excess, in units of the limits, up to which a piece is mended: beyond, little of its plan would be left."""
 
 
 class BrakingPlanner:
@@ -62,6 +66,28 @@ class BrakingPlanner:
             knot = FlatTrajectory(problem.period, knot, top[-1][None]).knots[1]
         return FlatTrajectory(problem.period, np.asarray(start, dtype=float), np.array(top))
 
+    def mended(self, start: Array, top: Array) -> Array | None:
+        """A plan whose first piece keeps within the thrust, the rest led back to itself; ``None`` if there is none.
+
+        Nor is there one where the piece exceeds the thrust by more than :data:`MENDABLE`.
+
+        Parameters
+        ----------
+        start
+            Derivatives of the flat output at the start ``(k+1, n)``.
+        top
+            What is free in the pieces ``(p, freedoms)``.
+        """
+        period, changed, knot = self._problem.period, top.copy(), np.asarray(start, dtype=float)
+        if not self._worst(knot, top[0]) <= MENDABLE:
+            return None
+        changed[0], broken = self._projected(knot, top[0])
+        if broken > 0.0:
+            return None
+        change = FlatTrajectory(period, np.zeros_like(start), (changed[0] - top[0])[None])
+        changed[1:] = led_back(change.knots[1], top[1:], period)
+        return changed
+
     def _piece(self, knot: Array) -> Array:
         """What is free in the piece after a knot ``(freedoms,)``; derivatives above the lowest brake nothing: zero."""
         problem, n = self._problem, knot.shape[1]
@@ -82,7 +108,7 @@ class BrakingPlanner:
         """The best of a few rounds from what is free in a piece, and how far its thrust exceeds the limits."""
         best, least, share = free, np.inf, 1.0
         for _ in range(ROUNDS):
-            excess = max(self._excess(knot, free, k) for k in self._points)
+            excess = self._worst(knot, free)
             if excess <= 0.0 or excess < least - PROGRESS:
                 best, least = free.copy(), excess
             else:
@@ -102,6 +128,10 @@ class BrakingPlanner:
     def _point(self, knot: Array, free: Array, k: int) -> FlatPoint:
         time = self._problem.period * k / (BRAKING_POINTS - 1)
         return flat_point(propagate(list(knot), list(free.reshape(-1, knot.shape[1])), time))
+
+    def _worst(self, knot: Array, free: Array) -> float:
+        """The largest excess of all points."""
+        return max(self._excess(knot, free, k) for k in self._points)
 
     def _excess(self, knot: Array, free: Array, k: int) -> float:
         """How far the thrust exceeds its limits at a point, at least 0; infinite where it is not a number."""

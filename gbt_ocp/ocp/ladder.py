@@ -50,9 +50,9 @@ class Ladder:
 
     The first attempt starts from the rest of the previous plan. It is answered by what the solver had when its
     iterations were spent, or by that rest, if the first piece keeps the limits or mends what is broken already; by a
-    cold solve; by what the solver had, if its first piece keeps the thrust limits; and by a braking plan. Any other
-    failed solution is never executed and never a warm start. The iterations are bounded by those the solver allows
-    itself in each solve.
+    cold solve; by what the solver had and then by that rest, if their first pieces keep the thrust limits or can be
+    brought within them; and by a braking plan. Any other failed solution is never executed and never a warm start. The
+    iterations are bounded by those the solver allows itself in each solve.
 
     Parameters
     ----------
@@ -97,8 +97,11 @@ class Ladder:
             fallback, trajectory = "cold", again.trajectory
             iterations, tightened = iterations + again.iterations, tightened + again.tightened
             unfinished = unfinished or again.unfinished
-        if trajectory is None and unfinished is not None and self._keeps(given, unfinished, thrust_only=True):
-            fallback, trajectory = "unfinished", unfinished
+        if trajectory is None and unfinished is not None:
+            keeps = self._keeps(given, unfinished, thrust_only=True)
+            fallback, trajectory = "unfinished", unfinished if keeps else self._mended(given, unfinished)
+        if trajectory is None and rest is not None:
+            fallback, trajectory = "shifted", self._mended(given, self._form.trajectory(start, rest))
         if trajectory is None:
             fallback, trajectory = "braking", self._form.trajectory(start, self._form.braking(start))
         return self._judge(given, trajectory, first.status, fallback, iterations, tightened)
@@ -129,6 +132,14 @@ class Ladder:
         excess = self._excess(given, self._check.survey(trajectory, given.limits)[:, 0])
         return not np.any(excess[self._thrust] > 0.0 if thrust_only else excess > 0.0)
 
+    def _mended(self, given: _Given, trajectory: Any) -> Any:
+        """With a first piece that is brought within the thrust; ``None`` if that cannot be."""
+        top = self._form.mended(given.start, trajectory.top)
+        if top is None:
+            return None
+        mended = self._form.trajectory(given.start, top)
+        return mended if self._keeps(given, mended, thrust_only=True) else None
+
     def _excess(self, given: _Given, fine: Array) -> Array:
         """How far judged limits are broken in the first piece beyond what cannot be helped ``(count,)``, at least 0.
 
@@ -141,12 +152,14 @@ class Ladder:
     def _attempt(self, given: _Given, guess: Array, *, cold: bool) -> _Attempt:
         """Solve, and while the piece to be executed breaks limits between the nodes, tighten each by what it breaks.
 
-        Thrust must be kept in the end. Another limit is tightened as long as that helps, and not where it has been
-        given up already.
+        Thrust must be kept in the end: where that does not lead to it, nor to an iterate that keeps all limits, the
+        solution that breaks it least is mended.
+        Another limit is tightened as long as that helps, and not where it has been given up already.
         """
         count = len(self._judged)
         tightening, before = np.zeros(count), np.full(count, np.inf)
-        usable: Any = None
+        best: Any = None
+        least = np.inf  # by which the thrust of the best one is broken between the nodes
         iterations = tightened = 0
         while True:
             solution = self._answer(given, guess, cold, tightening)
@@ -161,23 +174,25 @@ class Ladder:
             excess = self._excess(given, self._check.survey(first, given.limits)[:, 0])
             nodes = self._check.survey(first, given.limits, nodes=True)[:, 0]
             again = (excess > 0.0) & (self._thrust | (~(self._hard & (nodes > FEASIBILITY)) & (excess <= 0.5 * before)))
-            if np.any(excess[self._thrust] > 0.0):
+            over = float(np.max(excess[self._thrust], initial=0.0))
+            if over > 0.0:
                 status = "limits broken between nodes"
-            else:
-                usable = trajectory
+            if over < least or over <= 0.0:
+                best, least = trajectory, over
             if not np.any(again) or tightened == TIGHTENINGS:
                 break
             before = np.where(again, excess, before)
             # a little more than was found, so that one round nearly always does it
             tightening = tightening + np.where(again, 1.2 * excess + 1e-4, 0.0)
             guess, cold, tightened = solution.variables, False, tightened + 1
-        if usable is not None:
-            return _Attempt("solved", usable, None, iterations, tightened)
         unfinished = None
         variables = solution.variables
         if status in OUT_OF_ITERATIONS and np.shape(variables) == guess.shape and np.all(np.isfinite(variables)):
             unfinished = self._form.trajectory(given.start, variables * self._scale)
-        return _Attempt(status, None, unfinished, iterations, tightened)
+        if least > 0.0 and (best is None or (unfinished is not None and self._keeps(given, unfinished))):
+            return _Attempt(status, None, unfinished, iterations, tightened)
+        usable = best if least <= 0.0 else self._mended(given, best)
+        return _Attempt("solved" if usable is not None else status, usable, unfinished, iterations, tightened)
 
     def _answer(self, given: _Given, guess: Array, cold: bool, tightening: Array) -> Solution:
         """What the solver says; a solver that raises or returns nothing has failed like any other."""

@@ -19,7 +19,7 @@ from gbt_ocp.ocp.problem_data import PosedProblem, ProblemData, ShootingData
 from gbt_ocp.ocp.shot import Shots, ShotTrajectory
 from gbt_ocp.ocp.shot_check import ShotCheck
 from gbt_ocp.ocp.solvers.base import PlannerStep
-from gbt_ocp.ocp.trajectory import FlatTrajectory, settling
+from gbt_ocp.ocp.trajectory import FlatTrajectory, led_back, settling
 from gbt_ocp.ocp.transcription import input_scale
 from gbt_ocp.typing import Array
 
@@ -87,21 +87,20 @@ class FlatPlans:
         A trajectory is linear in its start and in what is free. Without that a small error of the heading turns all
         thrust of the rest, and an error of the rates grows along it.
         """
-        top, period = previous.shifted().top.copy(), self._problem.period
+        top, period = previous.shifted().top, self._problem.period
         start = start[: self._problem.joined]
-        d, n = self._problem.vehicle.position_dimension, start.shape[1]
+        d = self._problem.vehicle.position_dimension
         # relative to where both begin, as the kernel has it: the last bits of a guess decide between equal plans
         begin, here = previous.start.copy(), start.copy()
         begin[0, :d] = here[0, :d] = 0.0
         off = here - FlatTrajectory(period, begin, previous.top[:1]).knots[1]
         off[0, :d] += start[0, :d] - previous.start[0, :d]
         off[0, d:] = np.vectorize(math.remainder, otypes=[float])(off[0, d:], 2.0 * math.pi)
-        for piece in top:
-            back = np.zeros_like(piece)
-            back[:n] = settling(off, 0, np.zeros(n), period)
-            piece += back
-            off = FlatTrajectory(period, off, back[None]).knots[1]
-        return top
+        return led_back(off, top, period)
+
+    def mended(self, start: Array, top: Array) -> Array | None:
+        """The first piece brought within the thrust and the rest led back to itself; ``None`` where that cannot be."""
+        return self._brake.mended(start[: self._problem.joined], top)
 
     def braking(self, start: Array) -> Array:
         """What is free in a braking trajectory."""
@@ -162,6 +161,10 @@ class ShotPlans:
         """The rest of a plan, wherever it starts; in the last piece the inputs stay as they are at the end."""
         top, m = previous.top, self._shots.form.dynamics.inputs
         return np.vstack([top[1:], np.tile(top[-1, -m:], top.shape[1] // m)])
+
+    def mended(self, start: Array, top: Array) -> Array | None:
+        """None: the inputs are what is planned, and keep within their limits between nodes where they do at these."""
+        return None
 
     def braking(self, start: Array) -> Array:
         """The vehicle's last resort, or else no thrust, as near as the inputs and their rates may be."""

@@ -82,6 +82,27 @@ def settling(inherited: Array, first: int, aim: ArrayLike, period: float) -> Arr
     return np.asarray(-(np.array(SETTLING_GAINS[len(chain) - 1]) / powers) @ chain)
 
 
+def led_back(off: Array, top: Array, period: float) -> Array:
+    """What is free in the pieces of a plan ``(p, freedoms)``, changed so that they lead back to it.
+
+    Parameters
+    ----------
+    off
+        By how much the derivatives at the start are off the plan ``(k+1, n)``.
+    top
+        What is free in its pieces ``(p, freedoms)``.
+    period
+        T in s.
+    """
+    changed, n = top.copy(), off.shape[1]
+    for piece in changed:
+        back = np.zeros_like(piece)
+        back[:n] = settling(off, 0, np.zeros(n), period)
+        piece += back
+        off = FlatTrajectory(period, off, back[None]).knots[1]
+    return changed
+
+
 def flat_point(derivatives: list[Any]) -> FlatPoint:
     """The first three entries of a list of derivatives."""
     return FlatPoint(derivatives[0], derivatives[1], derivatives[2])

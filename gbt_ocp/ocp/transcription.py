@@ -99,7 +99,7 @@ class Transcription:
     stacks the start, the parameters of the objectives and of the constraints, and (ϖ, w_p, tightening) of each penalty.
     The penalty is ``Σ cost g(excess)`` with g of half width ``width``. ``weight`` is the price of a violation of one
     unit of each limit that may give for others, infinite of those that may not; ``rows`` says how many rows of
-    ``limits`` each hard limit has.
+    ``limits`` each hard limit has, as many in each of the ``pieces``.
     """
 
     variables: ca.MX
@@ -115,18 +115,20 @@ class Transcription:
     scale: Array
     weight: Array
     rows: tuple[int, ...]
+    pieces: int
     inner: ca.MX
     defects: ca.MX
     led_to: ca.Function | None
 
     def inward(self, tightening: ArrayLike) -> Array:
-        """By how much a tightening moves the bound of each row of ``limits``.
+        """By how much a tightening of the first piece moves the bound of each row of ``limits``.
 
         ``tightening`` is one number a constraint, hard ones first, or one for all, in units of the limits.
         """
         each = np.asarray(tightening, dtype=float)
         per_limit = each[: len(self.rows)] if each.ndim else np.full(len(self.rows), float(each))
-        return np.asarray(np.repeat(per_limit, self.rows) * self.scale)
+        first = [np.arange(rows) < rows // self.pieces for rows in self.rows]
+        return np.asarray(np.repeat(per_limit, self.rows) * np.concatenate([np.zeros(0), *first]) * self.scale)
 
     @property
     def giving(self) -> list[int]:
@@ -251,7 +253,9 @@ def assembled(problem: PosedProblem, layout: Layout, led_to: ca.Function | None)
         c, (intervals, first, share) = soft.constraint, layout.grid(soft)
         shares = np.linspace(0.0, 1.0, intervals + 1)[first:]
         values = layout.values(number, shares, moving[number])
-        inside = ca.DM(c.backoff) + tightening * ca.DM(c.scale)
+        nodes = p * len(shares)
+        executed = ca.DM(np.arange(nodes) < len(shares)).T
+        inside = ca.repmat(ca.DM(c.backoff), 1, nodes) + tightening * ca.mtimes(ca.DM(c.scale), executed)
         step = share * problem.period / intervals
         weights = ca.DM(np.tile(trapezoid_weights(intervals)[first:] * step, p))
         for bound, sign in ((c.upper, 1.0), (c.lower, -1.0)):
@@ -259,7 +263,7 @@ def assembled(problem: PosedProblem, layout: Layout, led_to: ca.Function | None)
             if rows:
                 # no broadcasting of columns in CasADi: the bound is repeated for every node
                 excess = sign * (values[rows, :] - ca.repmat(ca.DM(bound[rows]), 1, values.size2()))
-                excess += ca.repmat(inside[rows], 1, values.size2())
+                excess += inside[rows, :]
                 excesses.append(ca.vec(excess))
                 costs.append(w_p * ca.vec(ca.repmat(weights.T, len(rows), 1)))
                 widths.append(ca.repmat(width, excess.numel(), 1))
@@ -290,6 +294,7 @@ def assembled(problem: PosedProblem, layout: Layout, led_to: ca.Function | None)
         np.concatenate(scale or empty),
         np.concatenate(weight or empty),
         tuple(len(part) for part in scale),
+        p,
         layout.inner,
         layout.defects,
         led_to,

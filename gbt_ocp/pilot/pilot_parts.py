@@ -32,6 +32,10 @@ class PilotParts:
         Seconds between them.
     follow_bandwidth
         ω in rad/s of the follower that gives the thrust between two plans.
+    thrust_lag
+        Time constant in seconds of the thrusters, which is made up for.
+    observing
+        Whether the follower estimates what the vehicle needs of thrust beyond its model, and adds it.
     lead
         How far ahead on the plan setpoints are taken, in seconds: about an autopilot's lag; ``None`` for a period.
     late
@@ -60,6 +64,8 @@ class PilotParts:
     forecast: int
     forecast_period: float
     follow_bandwidth: float = BANDWIDTH
+    thrust_lag: float = 0.0
+    observing: bool = False
     lead: float | None = None
     late: float = 2.0
     navigation_gap: float = 1.0
@@ -71,7 +77,7 @@ class PilotParts:
     def __post_init__(self) -> None:
         for name in ("period", "forecast_period", "navigation_gap"):
             positive(name, getattr(self, name))
-        for name in ("late", "bearing_std"):
+        for name in ("late", "bearing_std", "thrust_lag"):
             not_negative(name, getattr(self, name))
         most = self.vehicle.position_dimension + 1
         if not isinstance(self.vehicle, DrivenBody) and self.vehicle.flat_dimension > most:

@@ -74,6 +74,8 @@ def pilot_files(parts: PilotParts) -> dict[str, str]:
         "lead": parts.period if parts.lead is None else parts.lead,
         "bearing_std": parts.bearing_std,
         "follow_bandwidth": parts.follow_bandwidth,
+        "thrust_lag": parts.thrust_lag,
+        "observing": int(parts.observing),
     }
     defined = (
         f"#define GBT_{name} {value} /* {(_SIZES | SIZES | DRIVEN_SIZES)[name]} */" for name, value in sizes.items()
@@ -194,7 +196,7 @@ def _sensor(number: int, sensor: SimulatedSensor) -> str:
 
 def _kind(name: str) -> str:
     """The type of a number: times are double in both precisions."""
-    if name == "begin_at_sight":
+    if name in ("begin_at_sight", "observing"):
         return "int"
     return "double" if name in _DOUBLES else "gbt_real"
 
@@ -227,6 +229,8 @@ _SETTINGS = {
     "lead": "how far ahead on the plan setpoints are taken, s",
     "bearing_std": "deviation of bearings that do not state one, rad",
     "follow_bandwidth": "of the follower, rad/s",
+    "thrust_lag": "time constant of the thrusters that is made up for, s",
+    "observing": "whether what the vehicle needs of thrust beyond its model is estimated and added",
     "desired_rate": "of the turn of the desired bearing, rad/s",
     "desired_phase": "its angle at time 0, rad",
     "desired_reverse": "s after which its sense changes; 0 for never",

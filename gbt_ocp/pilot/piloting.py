@@ -51,7 +51,9 @@ class Piloting:
         )
         self._lead = parts.period if parts.lead is None else parts.lead
         vehicle: Any = parts.vehicle
-        self._follower = None if isinstance(vehicle, DrivenBody) else PlanFollower(vehicle, parts.follow_bandwidth)
+        self._follower = None
+        if not isinstance(vehicle, DrivenBody):
+            self._follower = PlanFollower(vehicle, parts.follow_bandwidth, parts.thrust_lag, observing=parts.observing)
         planner = planner_of(parts.guidance)
         # from the beginning: what it remembers is part of what a pilot does
         self._shot_follower: ShotFollower | None = None
@@ -172,7 +174,7 @@ class Piloting:
             self._decide(t, z, dz)
         decided = self._decided
         assert decided is not None, "it was decided before"
-        thrust = self._thrust(decided, t, hold, z, dz)
+        thrust = self._thrust(decided, t, hold, z, dz, 0.0 if last is None else t - last.time)
         if thrust is not None and self._online.learns:
             self._thrusts.append((t, thrust))
         self._now = t
@@ -262,7 +264,7 @@ class Piloting:
         parts = [max(0.0, min(until, end) - max(since, begin)) * thrust for (since, thrust), until in held]
         return np.asarray(sum(parts) / (end - begin))
 
-    def _thrust(self, decided: Decided, time: float, hold: float, z: Array, dz: Array) -> Array | None:
+    def _thrust(self, decided: Decided, time: float, hold: float, z: Array, dz: Array, passed: float) -> Array | None:
         decision, since = decided.decision, time - decided.time
         if isinstance(decision, Placement):
             return None
@@ -270,13 +272,13 @@ class Piloting:
             assert self._shot_follower is not None, "plans of this kind are of problems by integration"
             return self._shot_follower.thrust(decision, self.parts.period, decision.elapsed + since, z, dz)
         if not isinstance(decision, Plan):
-            return decision
+            return decision if self._follower is None else self._follower.ask(decision, passed, hold)
         assert self._follower is not None, "plans of this kind are of flat vehicles"
         if self._through is None:
             self._through = decision.through_water
         water = np.zeros(self._dimension) if decision.current is None else decision.current
         now = decision.elapsed + since
-        return self._follower.thrust(self._through, now, now + 0.5 * hold, water, z, dz)
+        return self._follower.thrust(self._through, now, now + 0.5 * hold, water, z, dz, passed)
 
     def _health(self, time: float) -> PilotHealth:
         latest, decided, said = self._own.latest, self._decided, self._said

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle
+from gbt_ocp.ocp.disturbance import DisturbanceObserver
 from gbt_ocp.ocp.follower import BANDWIDTH, Follower
+from gbt_ocp.ocp.thrusters import LaggingThrusters
 from gbt_ocp.ocp.trajectory import FlatTrajectory
 from gbt_ocp.typing import Array
 
@@ -23,12 +26,35 @@ class PlanFollower:
         The model.
     bandwidth
         ω in rad/s; 0 leaves the feed-forward thrust alone.
+    lag
+        Time constant in s of the thrusters, which is made up for.
+    observing
+        Whether what the vehicle needs beyond its model is estimated, and added to the thrust.
     """
 
-    def __init__(self, vehicle: Vehicle, bandwidth: float = BANDWIDTH) -> None:
+    def __init__(
+        self, vehicle: Vehicle, bandwidth: float = BANDWIDTH, lag: float = 0.0, *, observing: bool = False
+    ) -> None:
         self._follower = Follower(vehicle, bandwidth)
+        self._thrusters, self._range = LaggingThrusters(vehicle, lag), ThrustRange.of(vehicle)
+        self._observer = DisturbanceObserver(vehicle) if observing else None
 
-    def thrust(self, through: FlatTrajectory, now: float, middle: float, water: Array, z: Array, dz: Array) -> Array:
+    def ask(self, wanted: Array, passed: float, hold: float) -> Array:
+        """The thrust to ask for a wanted one: see :meth:`~gbt_ocp.ocp.thrusters.LaggingThrusters.ask`."""
+        if self._observer is not None:
+            self._observer.forget()
+        return self._thrusters.ask(wanted, passed, hold)
+
+    def thrust(
+        self,
+        through: FlatTrajectory,
+        now: float,
+        middle: float,
+        water: Array,
+        z: Array,
+        dz: Array,
+        passed: float = 0.0,
+    ) -> Array:
         """The thrust ``(m,)`` to hold, each input within its limit.
 
         Parameters
@@ -41,9 +67,16 @@ class PlanFollower:
             Velocity of the water over ground ``(d,)`` in m/s.
         z, dz
             The measured flat output and its rate over ground ``(n,)``.
+        passed
+            Seconds since the last thrust was given; 0 for the first one.
         """
-        d = len(water)
-        z, dz = z.copy(), dz.copy()
-        z[:d] -= now * water
-        dz[:d] -= water
-        return self._follower.thrust(through.point(now), through.point(middle), z, dz)
+        d, hold = len(water), 2.0 * (middle - now)
+        rate = dz.copy()
+        rate[:d] -= water
+        at = z.copy()
+        at[:d] -= now * water
+        wanted = self._follower.thrust(through.point(now), through.point(middle), at, rate)
+        if self._observer is not None:
+            beyond = self._observer.observe(z, rate, self._thrusters.acted(passed), passed)
+            wanted = self._range.clip(wanted + beyond)
+        return self._thrusters.ask(wanted, passed, hold)

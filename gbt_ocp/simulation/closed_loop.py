@@ -62,6 +62,8 @@ class ClosedLoop:
         Largest rates of the inputs ``(m,)`` that a follower of plans by integration keeps; ``None`` for no limit.
     exchange
         What the vehicle says to others and hears of them; ``None`` for one that does not talk.
+    thrust_lag
+        Time constant in seconds of the thrusters that the follower makes up for.
     """
 
     target: Target
@@ -83,6 +85,7 @@ class ClosedLoop:
     sensors: Sensing | None = None
     input_rate: tuple[float, ...] | None = None
     exchange: Exchange | None = None
+    thrust_lag: float = 0.0
 
     # isinstance with a protocol takes as long as a step of a cheap tracker, so it is asked once
 

@@ -88,6 +88,8 @@ class Mover:
         How far ahead on the plan its setpoints are taken, in seconds; by default a period.
     input_rate
         Largest rates of the inputs ``(m,)`` that a follower of plans by integration keeps; ``None`` for no limit.
+    thrust_lag
+        Time constant in seconds of the thrusters that is made up for, with ``feedback`` of flat plans.
 
     Raises
     ------
@@ -105,6 +107,7 @@ class Mover:
         autopilot: float | None = None,
         lead: float | None = None,
         input_rate: Sequence[float] | None = None,
+        thrust_lag: float = 0.0,
     ) -> None:
         self._vehicle: Any = vehicle
         if follow == "exact" and plant is not None and autopilot is None:
@@ -124,7 +127,8 @@ class Mover:
             dynamics, state = Dynamics(vehicle), ca.SX.sym("state", vehicle.states)
             self._accelerated = ca.Function("accelerated", [state, held], [dynamics.point(state, held)[2]])
             return
-        self._follower = PlanFollower(vehicle, bandwidth)
+        self._follower = PlanFollower(vehicle, bandwidth, thrust_lag, observing=follow == "feedback")
+        self._held = 0.0
         self._autopilot = None if autopilot is None else Autopilot(vehicle, autopilot)
         self._thrust_at = ca.Function("thrust", [z, dz, ddz], [vehicle.inputs(z, dz, ddz)])
         self._thrust = self._thrust_at.map(GRID)
@@ -183,6 +187,9 @@ class Mover:
 
     def hold(self, state: Array, thrust: Array, until: Array | None = None) -> Move:
         """Integrate the forward dynamics under constant inputs, or under inputs linear in time ``until`` others."""
+        if until is None and not isinstance(self._vehicle, DrivenBody):
+            passed, self._held = self._held, self._period
+            thrust = self._follower.ask(thrust, passed, self._period)
         before = self._motion.work
         last = thrust if until is None else until
         if until is None or np.array_equal(thrust, until):
@@ -224,7 +231,8 @@ class Mover:
 
         def thrust(z: Array, dz: Array) -> Array:
             sample = next(number)
-            return self._follower.thrust(through, sample * hold, (sample + 0.5) * hold, water, z, dz)
+            passed, self._held = self._held, hold
+            return self._follower.thrust(through, sample * hold, (sample + 0.5) * hold, water, z, dz, passed)
 
         return self._sampled(state, piece, clipped, thrust)
 

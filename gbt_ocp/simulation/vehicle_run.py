@@ -48,6 +48,7 @@ class VehicleRun:
             loop.autopilot,
             loop.lead,
             loop.input_rate,
+            loop.thrust_lag,
         )
         self._flat = np.asarray(start, dtype=float)
         self._state = vehicle.state(self._flat[0], self._flat[1])

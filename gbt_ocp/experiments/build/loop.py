@@ -293,5 +293,6 @@ def build_member(
         lead=configuration.setpoint_lead,
         input_rate=configuration.limits.input_rate,
         exchange=exchange,
+        thrust_lag=getattr(configuration.vehicle, "thrust_lag_s", 0.0),
     )
     return loop, start

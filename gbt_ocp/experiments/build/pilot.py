@@ -37,6 +37,8 @@ def build_pilot(configuration: Configuration) -> PilotParts:
         forecast=configuration.tracker.forecast,
         forecast_period=configuration.forecast_period,
         follow_bandwidth=configuration.vehicle.follow_bandwidth or BANDWIDTH,
+        thrust_lag=getattr(configuration.vehicle, "thrust_lag_s", 0.0),
+        observing=configuration.vehicle.follow == "feedback",
         lead=configuration.setpoint_lead,
         late=configuration.pilot.late_s,
         navigation_gap=configuration.pilot.navigation_gap_s,

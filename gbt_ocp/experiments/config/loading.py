@@ -27,7 +27,7 @@ from gbt_ocp.experiments.config.tracker import TrackerSection
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
 from gbt_ocp.experiments.config.validation import faults_of
 from gbt_ocp.experiments.config.vehicle import DRIVEN_BY_NAME, DRIVEN_INPUTS
-from gbt_ocp.experiments.config.vehicle_choice import choose_vehicle, driven_defaults
+from gbt_ocp.experiments.config.vehicle_choice import choose_vehicle, driven_defaults, slow_defaults
 
 
 @dataclass(frozen=True)
@@ -248,6 +248,8 @@ def _beneath(
     model = value_at(overlaid(_merge(layers), written, ()), ("vehicle", "model"))
     if isinstance(model, str) and model in DRIVEN_BY_NAME:
         layers.append(_Layer(f"vehicle {model}", driven_defaults(model, _merge(layers), written)))
+    else:
+        layers.append(_Layer("slow vehicle", slow_defaults(_merge(layers), written, dimension)))
     if isinstance(preset, str) and preset in PRESETS:
         layers.append(_Layer(f"preset {preset}", PRESETS[preset]))
     return layers

@@ -96,6 +96,13 @@ _BANDWIDTH = key(
     gt=0.0,
     le=50.0,
 )
+_THRUST_LAG = key(
+    0.0,
+    "Time constant in s of the thrusters that the follower knows and makes up for; 0 for none.",
+    "0, or a number in (0, 10] with vehicle.follow = feedback and planner.form = flat",
+    ge=0.0,
+    le=10.0,
+)
 _HOTEL = key(0.0, "Power in W that the vehicle takes besides its thrusters; counted in energy_j.", ge=0.0)
 
 
@@ -132,6 +139,7 @@ class FossenVehicleSection(Section):
     start: StartSection = _START
     follow: Follow = _FOLLOW
     follow_bandwidth: float | None = _BANDWIDTH
+    thrust_lag_s: float = _THRUST_LAG
     hotel_w: float = _HOTEL
     current: KnownOfCurrent = _CURRENT
 

@@ -30,6 +30,11 @@ def vehicle_faults(merged: Mapping[str, Any], problem: TrackingProblem | None) -
     bandwidth = value_at(merged, ("vehicle", "follow_bandwidth"))
     if bandwidth not in (NOTHING, None) and follow != "feedback":
         yield Fault(("vehicle", "follow_bandwidth"), shown(bandwidth), "null without vehicle.follow = feedback")
+    known = value_at(merged, ("vehicle", "thrust_lag_s"))
+    flat = value_at(merged, ("planner", "form")) in (NOTHING, "flat")
+    if known not in (NOTHING, 0.0) and not (follow == "feedback" and flat):
+        allowed = "0 without vehicle.follow = feedback and planner.form = flat"
+        yield Fault(("vehicle", "thrust_lag_s"), shown(known), allowed)
     if vehicle == "driven":
         yield from _driven(merged, problem)
     current = value_at(merged, ("vehicle", "current"))

@@ -1,4 +1,5 @@
-/* The last resort of the flat form: slow down within the thrust, by a few projections and without any solver.
+/* What the flat form does where the solver fails: slow down within the thrust, by a few projections and without any
+   solver, or bring the first piece of a plan within the thrust by the same projections.
 
    Limits besides those of the thrust are not looked at. A piece starts from the acceleration that stops within it.
    Wherever the thrust of that exceeds its limits, the acceleration is moved by what the excess of thrust accelerates, point
@@ -16,6 +17,8 @@
 #define PROGRESS ((gbt_real)1e-4) /* by which a round has to be better: rounding must not decide what follows */
 #define INSIDE ((gbt_real)0.998) /* share of the limits that a projection leads to: between the points thrust may bulge */
 
+#define MENDABLE ((gbt_real)0.1) /* excess up to which a piece is mended: beyond, little of its plan would be left */
+
 /* The point of a piece with that number, and its thrust; returns by how much that exceeds its limits, at least 0. */
 static gbt_real excess(gbt_piece piece, int k, gbt_real *point, gbt_real *thrust)
 {
@@ -27,6 +30,14 @@ static gbt_real excess(gbt_piece piece, int k, gbt_real *point, gbt_real *thrust
         if (isnan(over)) return GBT_INFINITY;
         if (over > worst) worst = over;
     }
+    return worst;
+}
+
+/* The largest of all points. */
+static gbt_real worst_of(gbt_piece piece)
+{
+    gbt_real point[GBT_POINT], thrust[GBT_INPUTS], worst = 0;
+    for (int k = FIRST; k < POINTS; k++) worst = gbt_fmax(worst, excess(piece, k, point, thrust));
     return worst;
 }
 
@@ -52,8 +63,7 @@ static gbt_real projected(gbt_piece piece, gbt_real best[GBT_FLAT])
     gbt_real point[GBT_POINT], thrust[GBT_INPUTS], least = GBT_INFINITY, share = 1;
     for (int j = 0; j < GBT_FLAT; j++) best[j] = piece[GBT_ROW(GBT_JOINED)][j];
     for (int round = 0; round < ROUNDS; round++) {
-        gbt_real worst = 0;
-        for (int k = FIRST; k < POINTS; k++) worst = gbt_fmax(worst, excess(piece, k, point, thrust));
+        const gbt_real worst = worst_of(piece);
         if (worst <= 0 || worst < least - PROGRESS) {
             least = worst;
             for (int j = 0; j < GBT_FLAT; j++) best[j] = piece[GBT_ROW(GBT_JOINED)][j];
@@ -96,6 +106,29 @@ static void brake_piece(gbt_piece piece)
         if (broken <= 0) break;
     }
     for (int j = 0; j < GBT_FLAT; j++) piece[GBT_ROW(GBT_JOINED)][j] = best[j];
+}
+
+int gbt_mend(const gbt_real *start, gbt_real *top)
+{
+    gbt_piece piece, change;
+    gbt_real within[GBT_FLAT], off[GBT_STATE];
+    for (int a = 0; a < GBT_STATE; a++) {
+        piece[a / GBT_FLAT][a % GBT_FLAT] = start[a];
+        change[a / GBT_FLAT][a % GBT_FLAT] = 0;
+    }
+    for (int a = 0; a < GBT_FREE; a++) {
+        *gbt_free(piece, a) = top[a];
+        *gbt_free(change, a) = 0;
+    }
+    if (!(worst_of(piece) <= MENDABLE) || projected(piece, within) > 0) return 0;
+    for (int j = 0; j < GBT_FLAT; j++) {
+        *gbt_free(change, j) = within[j] - top[j];
+        top[j] = within[j];
+    }
+    gbt_next_piece(change, change);
+    for (int a = 0; a < GBT_STATE; a++) off[a] = change[a / GBT_FLAT][a % GBT_FLAT];
+    gbt_lead_back(off, GBT_PIECES - 1, top + GBT_FREE);
+    return 1;
 }
 
 void gbt_brake(const gbt_real *start, gbt_real *top)

@@ -6,6 +6,74 @@
 
 #define SAME_TIME (8 * GBT_EPSILON * GBT_PIECES) /* rounding of a time, in pieces: a boundary belongs to the later one */
 
+#define QUICKER ((gbt_real)1 / 3) /* share of a lag within which a thrust is to act */
+
+void gbt_thrusters_init(gbt_thrusters *thrusters, gbt_real lag)
+{
+    thrusters->lag = lag;
+    for (int i = 0; i < GBT_INPUTS; i++) thrusters->asked[i] = thrusters->acting[i] = 0;
+}
+
+void gbt_thrusters_ask(gbt_thrusters *thrusters, gbt_real passed, gbt_real hold, gbt_real *thrust)
+{
+    if (!(thrusters->lag > 0)) {
+        for (int i = 0; i < GBT_INPUTS; i++) thrusters->asked[i] = thrust[i];
+        return;
+    }
+    const gbt_real left = gbt_exp(-passed / thrusters->lag);
+    const gbt_real within = 1 - gbt_exp(-gbt_fmax(hold / thrusters->lag, QUICKER));
+    for (int i = 0; i < GBT_INPUTS; i++) {
+        const gbt_real asked = thrusters->asked[i], acting = asked + (thrusters->acting[i] - asked) * left;
+        thrusters->acting[i] = acting;
+        thrust[i] = thrusters->asked[i] = gbt_within_thrust(i, acting + (thrust[i] - acting) / within, 1);
+    }
+}
+
+void gbt_thrusters_acted(const gbt_thrusters *thrusters, gbt_real passed, gbt_real *acted)
+{
+    const gbt_real lag = thrusters->lag;
+    const gbt_real share = lag > 0 && passed > 0 ? -gbt_expm1(-passed / lag) * lag / passed : 0;
+    for (int i = 0; i < GBT_INPUTS; i++)
+        acted[i] = thrusters->asked[i] + share * (thrusters->acting[i] - thrusters->asked[i]);
+}
+
+#define ESTIMATED_IN ((gbt_real)0.3) /* time constant of the estimate, s */
+#define LONGEST ((gbt_real)0.5)      /* between two samples from which an acceleration is taken, s */
+#define MOST ((gbt_real)0.5)         /* share of the limits within which the estimate is kept */
+
+void gbt_disturbance_init(gbt_disturbance *disturbance)
+{
+    disturbance->known = 0;
+    for (int i = 0; i < GBT_INPUTS; i++) disturbance->estimate[i] = 0;
+}
+
+void gbt_disturbance_observe(gbt_disturbance *disturbance, const gbt_real *z, const gbt_real *dz, const gbt_real *acted,
+                             gbt_real passed)
+{
+    gbt_real point[GBT_POINT], needed[GBT_INPUTS];
+    int finite = disturbance->known && passed > 0 && passed <= LONGEST;
+    for (int a = 0; a < GBT_POINT; a++) point[a] = 0;
+    for (int j = 0; j < GBT_FLAT; j++) {
+        /* of the angles, the middle of the step: no vehicle cares so exactly where it is */
+        const gbt_real turned = j < GBT_DIMENSION ? 0 : gbt_remainder(z[j] - disturbance->z[j], GBT_TURN);
+        point[j] = z[j] - turned / 2;
+        point[GBT_FLAT + j] = (disturbance->dz[j] + dz[j]) / 2;
+        point[2 * GBT_FLAT + j] = (dz[j] - disturbance->dz[j]) / passed;
+        disturbance->z[j] = z[j];
+        disturbance->dz[j] = dz[j];
+    }
+    disturbance->known = 1;
+    if (!finite) return;
+    gbt_vehicle_inputs(point, 0, 0, needed);
+    for (int i = 0; i < GBT_INPUTS; i++)
+        if (!isfinite(acted[i] - needed[i])) return;
+    const gbt_real share = 1 - gbt_exp(-passed / ESTIMATED_IN);
+    for (int i = 0; i < GBT_INPUTS; i++) {
+        const gbt_real old = disturbance->estimate[i];
+        disturbance->estimate[i] = gbt_within_thrust(i, old + share * (acted[i] - needed[i] - old), MOST);
+    }
+}
+
 void gbt_follow_init(gbt_follower *follower, gbt_real bandwidth)
 {
     follower->bandwidth = bandwidth;

@@ -6,6 +6,7 @@
            gbt_follow_plan(&follower, state, plan.top[0]);
        at every sample, at 50 Hz or faster:
            gbt_follow(&follower, elapsed, hold, z, dz, &command);
+           gbt_thrusters_ask(&thrusters, passed, hold, command.thrust);   where their lag is known
            apply command.thrust until the next sample
    or, for a vehicle with an autopilot of its own:
        gbt_follow_setpoint(&follower, elapsed + lag, 0, &setpoint);
@@ -34,6 +35,44 @@ typedef struct {
     gbt_real error[GBT_FLAT];    /* plan less measurement; of an angle, the short way round */
     gbt_real off_plan;           /* distance of the position from the plan, m */
 } gbt_follow_result;
+
+/* Thrusters of first order, of which the lag is known: dT/dt = (asked - T) / lag. */
+typedef struct {
+    gbt_real lag;                 /* s */
+    gbt_real asked[GBT_INPUTS];   /* at the last call, */
+    gbt_real acting[GBT_INPUTS];  /* and what acted then */
+} gbt_thrusters;
+
+/* At rest; with a lag of 0 what is wanted is asked. */
+void gbt_thrusters_init(gbt_thrusters *thrusters, gbt_real lag);
+
+/* What to ask until the next sample, in the place of the thrust that is wanted: more, so that it acts after a third of the
+   lag, or at the next sample if that is later.
+
+   passed   seconds since the last call
+   hold     seconds until the next sample */
+void gbt_thrusters_ask(gbt_thrusters *thrusters, gbt_real passed, gbt_real hold, gbt_real *thrust);
+
+/* Mean thrust over so many seconds since the last call of that. */
+void gbt_thrusters_acted(const gbt_thrusters *thrusters, gbt_real passed, gbt_real *acted);
+
+/* What the vehicle needs of thrust beyond its model: of the thrust that acted between two samples, what the motion did not
+   need. A follower adds it. */
+typedef struct {
+    int known; /* whether there is a sample before, with */
+    gbt_real z[GBT_FLAT], dz[GBT_FLAT];
+    gbt_real estimate[GBT_INPUTS];
+} gbt_disturbance;
+
+void gbt_disturbance_init(gbt_disturbance *disturbance);
+
+/* Low-passes what acted beyond the model.
+
+   z, dz    measured flat output and its rate through the water, GBT_FLAT each
+   acted    mean thrust since the last sample, GBT_INPUTS
+   passed   seconds since then */
+void gbt_disturbance_observe(gbt_disturbance *disturbance, const gbt_real *z, const gbt_real *dz, const gbt_real *acted,
+                             gbt_real passed);
 
 /* No plan yet. */
 void gbt_follow_init(gbt_follower *follower, gbt_real bandwidth);

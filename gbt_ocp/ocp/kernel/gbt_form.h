@@ -97,9 +97,13 @@ void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top);
 /* What is free in a piece that is added to a plan, from what was in its last one, GBT_FREE each. */
 void gbt_lengthen(const gbt_real *last, gbt_real *added);
 
-/* Changes the rest of a plan, GBT_PIECES x GBT_FREE, so that it leads back to itself from a start that is off by so much,
+/* Changes so many pieces of a plan, GBT_FREE each, so that they lead back to it from a start that is off by so much,
    GBT_STATE. */
-void gbt_lead_back(const gbt_real *off, gbt_real *top);
+void gbt_lead_back(const gbt_real *off, int pieces, gbt_real *top);
+
+/* Changes the first piece of a plan so that its thrust keeps within the limits between the nodes too, and leads the rest
+   back to itself. Returns 0 where it exceeds them by too much, or the form knows no way: the plan is then as it was. */
+int gbt_mend(const gbt_real *start, gbt_real *top);
 
 /* The last resort: a plan from start that slows the vehicle down, or does what the vehicle has for that; GBT_PIECES x
    GBT_FREE. */
@@ -189,8 +193,9 @@ void gbt_step_along(gbt_workspace *work);
 #if GBT_BOX >= 0
 /* Newton's method within the bounds of the limit GBT_BOX, for trajectories that no other limit bounds: iterates from
    work->piece until a step of one per scaled unknown along the slopes, cut at the bounds, is within the tolerance, at most
-   so many times. Returns GBT_SOLVED and sets result->residual if all limits are kept there, GBT_ITERATION_LIMIT where the
-   interior-point method has to answer, as from where another limit is broken. Adds to result->iterations what it took. */
+   so many times. Returns GBT_SOLVED and sets result->residual if all limits are kept there, GBT_LIMIT_VIOLATED where
+   another limit is broken, so that the interior-point method has to answer, and GBT_ITERATION_LIMIT where it did not get
+   there. Adds to result->iterations what it took. */
 gbt_status gbt_minimise_in_box(const gbt_settings *settings, int iterations, gbt_workspace *work, gbt_result *result);
 #endif
 

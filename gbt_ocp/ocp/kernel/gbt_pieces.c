@@ -97,14 +97,14 @@ void gbt_settle(gbt_piece piece, int first, const gbt_real *aim)
 }
 
 /* What the vehicle is off comes to rest, of which a trajectory and where it begins are linear. */
-void gbt_lead_back(const gbt_real *off, gbt_real *top)
+void gbt_lead_back(const gbt_real *off, int pieces, gbt_real *top)
 {
     static const gbt_real rest[GBT_FLAT];
     gbt_piece piece;
     for (int a = 0; a < GBT_STATE; a++) *gbt_inherited(piece, a) = off[a];
     for (int j = GBT_DIMENSION; j < GBT_FLAT; j++) piece[0][j] = gbt_remainder(piece[0][j], GBT_TURN);
     for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = 0;
-    for (int i = 0; i < GBT_PIECES; i++) {
+    for (int i = 0; i < pieces; i++) {
         gbt_settle(piece, 0, rest);
         for (int j = 0; j < GBT_FLAT; j++) top[i * GBT_FREE + j] += *gbt_free(piece, j);
         gbt_next_piece(piece, piece);
@@ -192,11 +192,12 @@ gbt_real gbt_evaluate(gbt_workspace *work, gbt_piece piece[], gbt_real *y)
     for (int i = 0; i < work->pieces; i++)
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
+            const gbt_real inside = work->first + i == 0 ? work->tightening[q] : 0;
             for (int k = 0; k < limit->nodes; k++, place++) {
                 place_at(work, piece, i, limit, k, *place);
                 limit->value(*place, 0, 0, value);
                 for (int r = 0; r < limit->sides; r++)
-                    *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening[q];
+                    *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + inside;
             }
         }
     return -gbt_gain(total);

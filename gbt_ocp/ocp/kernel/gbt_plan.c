@@ -65,7 +65,7 @@ static void resume(const gbt_planner *planner, const double *origin, const gbt_r
     for (int a = 0; a < GBT_STATE; a++) off[a] = start[a] - *gbt_inherited(second, a);
     for (int j = 0; j < GBT_DIMENSION; j++) off[j] += (gbt_real)(origin[j] - planner->place[j]);
     shift(planner, top);
-    gbt_lead_back(off, top);
+    gbt_lead_back(off, GBT_PIECES, top);
 }
 
 static int keep(const gbt_real *from, gbt_real *to)
@@ -95,9 +95,16 @@ static int keeps_limits(const gbt_planner *planner, const gbt_real *state, const
     return 1;
 }
 
+/* Whether the first piece of plan->top can be brought within the thrust; it is then. */
+static int mends(const gbt_planner *planner, const gbt_real *state, const gbt_real *moving, gbt_plan_result *plan)
+{
+    return gbt_mend(state, &plan->top[0][0]) && keeps_limits(planner, state, moving, plan, 1);
+}
+
 /* Solves from plan->top within so many iterations. While the piece that is to be executed breaks limits between the
    nodes, these limits are tightened, each by what it was broken, and the problem is solved again. Thrust must be kept in
-   the end. Another limit is tightened as long as that helps, and not where it has been given up already. Returns
+   the end: where that does not lead to it, nor to an iterate that keeps all limits, the solution that breaks it least is
+   mended. Another limit is tightened as long as that helps, and not where it has been given up already. Returns
    GBT_SOLVED if plan->top may be executed, and leaves the last iterate there at GBT_ITERATION_LIMIT. */
 static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt_real *parameters, int warm,
                           int iterations, gbt_plan_result *plan)
@@ -105,8 +112,8 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
     const gbt_real *moving = parameters + GBT_LIMIT_NUMBERS;
     const int last = plan->iterations + iterations;
     gbt_settings settings = planner->settings;
-    gbt_real u[N], usable[N], tightening[GBT_LIMITS + 1], before[GBT_LIMITS + 1];
-    int found = 0;
+    gbt_real u[N], best[N], tightening[GBT_LIMITS + 1], before[GBT_LIMITS + 1];
+    gbt_real least = GBT_INFINITY; /* by which the thrust of best is broken between the nodes */
     gbt_status status = GBT_ITERATION_LIMIT;
     for (int q = 0; q < GBT_LIMITS; q++) {
         tightening[q] = 0;
@@ -116,7 +123,8 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
     for (int tightened = 0; plan->iterations < last; tightened++) {
         gbt_real fine[1][GBT_LIMITS + 1], nodes[1][GBT_LIMITS + 1];
         gbt_result result;
-        int again = 0, kept = 1;
+        gbt_real over = 0;
+        int again = 0;
         settings.deadline = last - plan->iterations;
         status = gbt_solve(&settings, state, parameters, tightening, warm, u, &planner->work, &result);
         plan->iterations += result.iterations;
@@ -129,7 +137,7 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
             const gbt_real excess = excess_of(planner, plan, q, fine[0][q]);
             const int thrust = gbt_limits[q].kind == GBT_THRUST;
             if (excess <= 0) continue;
-            if (thrust) kept = 0;
+            if (thrust && excess > over) over = excess;
             if (!thrust && gbt_limits[q].hard && nodes[0][q] > settings.feasibility) continue;
             if (!thrust && excess > before[q] / 2) continue;
             before[q] = excess;
@@ -137,19 +145,21 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
             tightening[q] += (gbt_real)1.2 * excess + (gbt_real)1e-4;
             again = 1;
         }
-        if (kept) {
-            found = 1;
-            for (int k = 0; k < N; k++) usable[k] = plan->top[k / GBT_FREE][k % GBT_FREE];
-        } else {
-            status = GBT_BROKEN_BETWEEN_NODES;
+        if (over > 0) status = GBT_BROKEN_BETWEEN_NODES;
+        if (over < least || over <= 0) {
+            least = over;
+            keep(&plan->top[0][0], best);
         }
         if (!again || tightened == GBT_TIGHTENINGS) break;
         plan->tightened++;
         warm = GBT_AGAIN;
     }
-    if (!found) return status;
-    for (int k = 0; k < N; k++) plan->top[k / GBT_FREE][k % GBT_FREE] = usable[k];
-    return GBT_SOLVED;
+    if (least == GBT_INFINITY) return status;
+    if (least > 0 && status == GBT_ITERATION_LIMIT && keeps_limits(planner, state, moving, plan, 0)) return status;
+    keep(best, &plan->top[0][0]);
+    if (least <= 0 || mends(planner, state, moving, plan)) return GBT_SOLVED;
+    for (int k = 0; k < N; k++) plan->top[k / GBT_FREE][k % GBT_FREE] = u[k] * gbt_input_scale[k % GBT_FREE];
+    return status;
 }
 
 /* What the limits say of plan->top: worst of each piece, and which of them had to give. */
@@ -237,8 +247,15 @@ static void plan_from(gbt_planner *planner, const double *origin, const gbt_real
     }
     if (found != GBT_SOLVED && some) {
         keep(unfinished, &plan->top[0][0]);
-        if (keeps_limits(planner, state, moving, plan, 1)) {
+        if (keeps_limits(planner, state, moving, plan, 1) || mends(planner, state, moving, plan)) {
             plan->origin = GBT_UNFINISHED;
+            found = GBT_SOLVED;
+        }
+    }
+    if (found != GBT_SOLVED && planner->warm) {
+        resume(planner, origin, state, &plan->top[0][0]);
+        if (mends(planner, state, moving, plan)) {
+            plan->origin = GBT_SHIFTED;
             found = GBT_SOLVED;
         }
     }

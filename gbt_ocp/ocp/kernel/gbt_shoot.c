@@ -112,11 +112,12 @@ gbt_real gbt_evaluate(gbt_workspace *work, gbt_piece piece[], gbt_real *y)
     for (int i = 0; i < work->pieces; i++)
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
+            const gbt_real inside = work->first + i == 0 ? work->tightening[q] : 0;
             for (int k = 0; k < limit->nodes; k++, place++) {
                 place_at_node(work, piece[i], passed, i, limit, k, *place);
                 limit->value(*place, 0, 0, value);
                 for (int r = 0; r < limit->sides; r++)
-                    *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + work->tightening[q];
+                    *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + inside;
             }
         }
     return -gbt_gain(total);

@@ -4,7 +4,9 @@
    quadratic model within the bounds: inputs are held at them as the step and the multipliers of the model say, from the
    last piece to the first by the Riccati recursion, until that changes nothing (the primal-dual active set method of
    Hintermueller, Ito and Kunisch 2002). Where the model has no minimum, the curvature that the objective has in the
-   position is turned to be positive at the same size, and beyond that the inputs are regularised. */
+   position is turned to be positive at the same size, and the inputs are regularised. Where that takes more than a little,
+   the second derivatives of the dynamics are left out: they grow with the horizon where a vehicle is unstable, and under a
+   regularisation that outweighs them nothing moves. */
 #include "gbt_coupling.h"
 #include "gbt_form.h"
 #include "gbt_math.h"
@@ -14,12 +16,14 @@
 
 #define ARMIJO ((gbt_real)1e-4)
 #define HALVINGS 3                     /* of a step before it is regularised more */
-#define ROUNDS 3                     /* of the active set in an iteration; a step that is not there yet is cut */
+#define ROUNDS 12                    /* of the active set in an iteration; a step that is not there yet is cut */
 #define DELTA_FIRST ((gbt_real)1e-3)   /* of the regularisation of an input over its size */
 #define DELTA_LEAST ((gbt_real)1e-6)   /* less is none */
+#define DELTA_BENT ((gbt_real)1)       /* more, and the dynamics lose their second derivatives */
 #define DELTA_MOST ((gbt_real)1e8)
-#define RAISE 8
-#define LOWER 20
+#define RAISE 8  /* where no part of a step does */
+#define MORE 4   /* where a short one does */
+#define LOWER 20 /* where the whole step does */
 
 static void find_bounds(gbt_workspace *work)
 {
@@ -32,7 +36,7 @@ static void find_bounds(gbt_workspace *work)
         for (int r = 0; r < limit->sides; r++) {
             const int a = k * GBT_INPUTS + limit->row[r];
             /* within by what rounding may add when the side is evaluated */
-            const gbt_real bound = limit->bound[r] - work->tightening[GBT_BOX];
+            const gbt_real bound = limit->bound[r];
             const gbt_real most = (bound - 8 * GBT_EPSILON * gbt_fabs(bound)) * gbt_thrust_max[limit->row[r]];
             if (limit->sign[r] > 0)
                 work->upper[a] = most;
@@ -95,14 +99,14 @@ static void turn_up(gbt_workspace *work)
     }
 }
 
-/* work->model: the second derivatives of each piece, all of them. */
-static void make_model(gbt_workspace *work)
+/* work->model: the second derivatives of each piece, of the dynamics only where it is bent. */
+static void make_model(gbt_workspace *work, int bent)
 {
     for (int i = 0; i <= work->pieces; i++) {
         gbt_real(*model)[GBT_PIECE] = work->model[i];
         for (int a = 0; a < GBT_PIECE; a++)
             for (int c = 0; c <= a; c++) model[a][c] = model[c][a] = work->curvature[i][a][c];
-        for (int e = 0; e < gbt_stage_entries && i < work->pieces; e++) {
+        for (int e = 0; e < gbt_stage_entries && bent && i < work->pieces; e++) {
             const int row = gbt_stage_row[e], column = gbt_stage_column[e];
             model[row][column] += work->bend[i][e];
             model[column][row] = model[row][column];
@@ -212,25 +216,35 @@ static gbt_real search(gbt_workspace *work, gbt_real slope)
     return 0;
 }
 
+static void more(gbt_real *delta, int times) { *delta = *delta > 0 ? *delta * times : DELTA_FIRST; }
+
 /* One iteration. */
 static int improve(gbt_workspace *work, gbt_real *delta)
 {
-    int turned = 0;
-    make_model(work);
+    int turned = 0, bent = 1;
+    make_model(work, bent);
     for (;;) {
         const gbt_real slope = find_step(work, *delta);
         const gbt_real part = slope < 0 ? search(work, slope) : 0;
         if (part > 0) {
-            if (part >= 1) *delta = *delta > DELTA_LEAST ? *delta / LOWER : 0;
+            if (part >= 1)
+                *delta = *delta > DELTA_LEAST ? *delta / LOWER : 0;
+            else if (part < (gbt_real)0.5)
+                more(delta, MORE);
             return 1;
         }
         if (slope >= GBT_INFINITY && !turned) {
             turn_up(work);
             turned = 1;
-            continue;
+        } else if (turned && bent && *delta >= DELTA_BENT) {
+            bent = 0;
+            make_model(work, bent);
+            turn_up(work);
+            *delta = 0;
+        } else {
+            more(delta, RAISE);
+            if (!(*delta < DELTA_MOST)) return 0;
         }
-        *delta = *delta > 0 ? *delta * RAISE : DELTA_FIRST;
-        if (!(*delta < DELTA_MOST)) return 0;
     }
 }
 
@@ -253,14 +267,16 @@ gbt_status gbt_minimise_in_box(const gbt_settings *settings, int iterations, gbt
 {
     const int last = result->iterations + iterations;
     gbt_real delta = 0;
+    if (work->tightening[GBT_BOX] > 0) return GBT_ITERATION_LIMIT; /* the bounds are those of all pieces */
     find_bounds(work);
     work->f = follow(work, work->piece, 0);
-    if (!isfinite(work->f) || !others_are_kept(settings, work)) return GBT_ITERATION_LIMIT;
+    if (!isfinite(work->f)) return GBT_ITERATION_LIMIT;
+    if (!others_are_kept(settings, work)) return GBT_LIMIT_VIOLATED;
     for (;; result->iterations++) {
         result->residual = differentiate(work);
         if (isnan(result->residual)) return GBT_ITERATION_LIMIT;
         if (result->residual <= settings->tolerance)
-            return others_are_kept(settings, work) ? GBT_SOLVED : GBT_ITERATION_LIMIT;
+            return others_are_kept(settings, work) ? GBT_SOLVED : GBT_LIMIT_VIOLATED;
         if (result->iterations >= last) return GBT_ITERATION_LIMIT;
         gbt_bend_motion(work);
         if (!improve(work, &delta)) return GBT_ITERATION_LIMIT;

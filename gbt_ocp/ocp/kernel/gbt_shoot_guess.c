@@ -13,9 +13,10 @@ void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top)
 }
 
 /* The inputs are those of the rest: what they lead back differs from vehicle to vehicle. */
-void gbt_lead_back(const gbt_real *off, gbt_real *top)
+void gbt_lead_back(const gbt_real *off, int pieces, gbt_real *top)
 {
     (void)off;
+    (void)pieces;
     (void)top;
 }
 
@@ -36,6 +37,14 @@ void gbt_admit(gbt_piece piece)
 #endif
         *input = *input > gbt_thrust_max[j] ? gbt_thrust_max[j] : *input < gbt_thrust_min[j] ? gbt_thrust_min[j] : *input;
     }
+}
+
+/* The inputs are what is planned: they keep within their limits between the nodes where they do at these. */
+int gbt_mend(const gbt_real *start, gbt_real *top)
+{
+    (void)start;
+    (void)top;
+    return 0;
 }
 
 void gbt_brake(const gbt_real *start, gbt_real *top)

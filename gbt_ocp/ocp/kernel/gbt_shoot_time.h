@@ -26,6 +26,7 @@ gbt_status gbt_plan_prepare(gbt_planner *planner)
         planner->numbers[k] = planner->numbers[k + GBT_END_NUMBERS];
     for (int k = 0; k < GBT_PIECES * GBT_KNOT_NUMBERS; k++) moving[k] = moving[k + GBT_KNOT_NUMBERS];
 
+    work->first = 0;
     work->pieces = GBT_PIECES;
     work->count = GBT_COUNT;
     work->parameters = planner->numbers;
@@ -34,6 +35,16 @@ gbt_status gbt_plan_prepare(gbt_planner *planner)
     gbt_weigh_limits(work, planner->settings.limit_weight, planner->settings.limit_weight);
     planner->ready = gbt_make_ready(work, MU_IN_TIME);
     return planner->ready ? GBT_SOLVED : GBT_NUMERICAL_FAILURE;
+}
+
+/* Within the bounds of the inputs, where nothing else bounds the trajectory. */
+static void more_iterations(gbt_planner *planner, gbt_result *result)
+{
+    gbt_workspace *work = &planner->work;
+#if GBT_BOX >= 0
+    if (gbt_minimise_in_box(&planner->settings, MORE, work, result) != GBT_LIMIT_VIOLATED) return;
+#endif
+    gbt_minimise(planner->settings.tolerance, MU_IN_TIME, gbt_last_barrier(&planner->settings), MORE, work, result);
 }
 
 /* One Newton step from what is prepared, for a start and the present numbers, and a few iterations more. */
@@ -58,7 +69,7 @@ static gbt_status feedback(gbt_planner *planner, const gbt_real *start, gbt_plan
     gbt_propagate(work->piece, GBT_PIECES);
     gbt_result more;
     more.iterations = 1;
-    gbt_minimise(planner->settings.tolerance, MU_IN_TIME, gbt_last_barrier(&planner->settings), MORE, work, &more);
+    more_iterations(planner, &more);
     for (int i = 0; i < GBT_PIECES; i++) {
         gbt_admit(work->piece[i]);
 #if GBT_LAST < GBT_STATES

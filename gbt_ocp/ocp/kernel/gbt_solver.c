@@ -10,8 +10,16 @@
 #define TAIL (GBT_PIECES < 16 ? GBT_PIECES / 2 : 8)
 #define SHORT 5 /* pieces of a horizon that needs no such help */
 #define ROUGH ((gbt_real)1e-2)
-#define IN_BOX 60 /* iterations within the bounds of the inputs before the interior-point method answers */
-#define ASIDE ((gbt_real)0.1) /* of the full thrust, at a second start */
+
+/* Whether inputs alone may bound a trajectory. */
+#if GBT_SHOOTING && GBT_BOX >= 0
+#define GBT_WITHIN_BOX 1
+#else
+#define GBT_WITHIN_BOX 0
+#endif
+
+/* of the full thrust, at each start after the first */
+static const gbt_real aside_at_start[] = {0, (gbt_real)0.1, (gbt_real)-0.1, (gbt_real)0.3};
 
 /* mu of each start over that of the first */
 static const gbt_real barrier_of_start[] = {1, 3, 10, (gbt_real)0.3};
@@ -29,6 +37,7 @@ size_t gbt_workspace_bytes(void) { return sizeof(gbt_workspace); }
 static void load(const gbt_real *start, const gbt_real *parameters, int first, int pieces, const gbt_real *u,
                  gbt_workspace *work)
 {
+    work->first = first;
     work->pieces = pieces;
     work->count = GBT_COUNT / GBT_PIECES * pieces;
     work->parameters = parameters + first * GBT_END_NUMBERS;
@@ -69,20 +78,35 @@ static void solve_tail(const gbt_settings *settings, const gbt_real *start, cons
     result->iterations += (found.iterations * TAIL + GBT_PIECES - 1) / GBT_PIECES;
 }
 
-/* Within the bounds of the inputs alone, where that does, and else by the interior-point method from the same guess. */
+/* Within the bounds of the inputs alone, where that does; by the interior-point method from the same guess where other
+   limits count, or where nothing else led anywhere. */
 static gbt_status answer(const gbt_settings *settings, gbt_real mu, const gbt_real *start, const gbt_real *parameters,
                          gbt_workspace *work, gbt_result *result)
 {
-#if GBT_SHOOTING && GBT_BOX >= 0
-    const int left = settings->deadline - result->iterations;
-    const int most = IN_BOX < left ? IN_BOX : left;
-    if (result->starts == 0 && gbt_minimise_in_box(settings, most, work, result) == GBT_SOLVED) return GBT_SOLVED;
+#if GBT_WITHIN_BOX
+    const int left = settings->deadline - result->iterations, last = result->starts + 1 == STARTS;
+    const int most = settings->iterations < left && !last ? settings->iterations : left;
+    const gbt_status status = gbt_minimise_in_box(settings, most, work, result);
+    if (status == GBT_SOLVED) return status;
+    if (status == GBT_ITERATION_LIMIT && (!last || result->iterations >= settings->deadline)) {
+        work->f = gbt_evaluate(work, work->piece, work->y);
+        return status;
+    }
     load(start, parameters, 0, GBT_PIECES, work->guess, work);
 #else
     (void)start;
     (void)parameters;
 #endif
     return gbt_minimise_within_limits(settings, mu, settings->deadline, work, result);
+}
+
+/* Where the next start begins; the last one within bounds goes on from the cheapest before it, u. */
+static void begin_again(const gbt_real *start, int starts, const gbt_real *u, gbt_real *guess)
+{
+    const int from_cheapest = GBT_WITHIN_BOX && starts + 1 == STARTS;
+    gbt_coast(start, aside_at_start[starts % STARTS], guess);
+    for (int k = 0; k < GBT_PIECES * GBT_FREE; k++)
+        guess[k] = from_cheapest ? u[k] : guess[k] / gbt_input_scale[k % GBT_FREE];
 }
 
 gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,
@@ -124,8 +148,7 @@ gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const 
             result->objective = -work->f;
             store(work, 0, u);
         }
-        gbt_coast(start, ASIDE, work->guess);
-        for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) work->guess[k] /= gbt_input_scale[k % GBT_FREE];
+        begin_again(start, result->starts, u, work->guess);
     } while (status > GBT_LIMIT_VIOLATED && status != GBT_GIVEN_UP && result->starts < STARTS && result->iterations < settings->deadline);
     return result->status;
 }

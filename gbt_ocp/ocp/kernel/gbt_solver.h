@@ -121,7 +121,8 @@ typedef struct {
     gbt_real sigma[GBT_SIDES], shift[GBT_SIDES], target[GBT_SIDES];
     /* what the present solve is about */
     gbt_real guess[GBT_PIECES * GBT_FREE];
-    int pieces, count; /* of the part of the horizon that is being solved: pieces, and sides of their limits */
+    int first, pieces, count; /* of the part of the horizon that is being solved: its first piece, pieces, and sides of
+                                 their limits */
     const gbt_real *parameters, *moving;
     gbt_real tightening[GBT_LIMITS + 1], f, f_trial;
 } gbt_workspace;
@@ -143,7 +144,7 @@ size_t gbt_workspace_bytes(void);
                 output, itself first, GBT_JOINED x GBT_FLAT
    parameters   numbers of the objective, GBT_PIECES x GBT_END_NUMBERS, then of the limits at the boundaries of the
                 pieces, (GBT_PIECES + 1) x GBT_KNOT_NUMBERS
-   tightening   of each limit, GBT_LIMITS: moves its bounds inwards, in units of the limit
+   tightening   of each limit, GBT_LIMITS: moves its bounds inwards in the first piece, in units of the limit
    warm         GBT_COLD_START, GBT_WARM or GBT_AGAIN
    u            GBT_PIECES x GBT_FREE: in, the guess; out, the solution; what is free in a piece over gbt_input_scale */
 gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,

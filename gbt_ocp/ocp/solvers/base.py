@@ -133,7 +133,8 @@ class Solver(Protocol):
         cold
             Whether the guess is a mere start and not the shifted solution of the step before.
         tightening
-            Moves bounds inwards, in units of the limits: one number a constraint, or one for all.
+            Moves bounds inwards in the first piece, which is executed, in units of the limits: one number a constraint,
+            or one for all.
         limits
             Parameters of each constraint, one knot a column ``(size, p+1)``; needed where any has some.
         """

@@ -12,6 +12,8 @@ void gbt_guidance_begin(gbt_guidance *guidance)
     gbt_plan_init(&guidance->room.planner);
 #if !GBT_SHOOTING
     gbt_follow_init(&guidance->follower, numbers->follow_bandwidth);
+    gbt_thrusters_init(&guidance->thrusters, numbers->thrust_lag);
+    gbt_disturbance_init(&guidance->disturbance);
 #endif
     gbt_startup_init(&guidance->startup, numbers->axis, numbers->startup_deviation, numbers->startup_speed,
                      numbers->startup_opening, numbers->startup_leg, (gbt_real)numbers->period);

@@ -49,6 +49,8 @@ typedef struct {
     gbt_real acting[GBT_INPUTS];
 #else
     gbt_follower follower; /* has taken it */
+    gbt_thrusters thrusters;
+    gbt_disturbance disturbance;
 #endif
     gbt_desired desired;
     gbt_startup startup;

@@ -3,6 +3,7 @@
 #include "gbt_decide.h"
 #include "gbt_math.h"
 #include "gbt_origin.h"
+#include "gbt_thrust.h"
 #if !GBT_SHOOTING
 #include "gbt_trajectory.h"
 #endif
@@ -206,6 +207,32 @@ static void settle(gbt_pilot *pilot, double time)
     pilot->received[GBT_REFUSED] += (unsigned)gbt_intake_settle(&pilot->intake, &pilot->tracker, work);
 }
 
+#if !GBT_SHOOTING
+/* Seconds since the last command. */
+static gbt_real since_last(const gbt_pilot *pilot, const gbt_command *command)
+{
+    return pilot->commanded ? (gbt_real)(command->time - pilot->last.time) : 0;
+}
+
+/* For the wanted thrust, of thrusters whose lag is known. */
+static void ask(gbt_pilot *pilot, double hold, gbt_command *command)
+{
+    gbt_thrusters_ask(&pilot->guidance.thrusters, since_last(pilot, command), (gbt_real)hold, command->thrust);
+}
+
+/* Adds what the vehicle needs beyond its model. */
+static void compensate(gbt_pilot *pilot, const gbt_real *z, const gbt_real *through, gbt_command *command)
+{
+    const gbt_real passed = since_last(pilot, command);
+    gbt_real acted[GBT_INPUTS];
+    gbt_thrusters_acted(&pilot->guidance.thrusters, passed, acted);
+    gbt_disturbance_observe(&pilot->guidance.disturbance, z, through, acted, passed);
+    for (int i = 0; i < GBT_INPUTS; i++)
+        command->thrust[i] =
+            gbt_within_thrust(i, command->thrust[i] + pilot->guidance.disturbance.estimate[i], 1);
+}
+#endif
+
 /* The thrust of the decision, and the setpoint of its plan. */
 static void follow(gbt_pilot *pilot, double hold, const gbt_real *z, const gbt_real *dz, gbt_command *command)
 {
@@ -213,6 +240,10 @@ static void follow(gbt_pilot *pilot, double hold, const gbt_real *z, const gbt_r
     const double now = guidance->elapsed + (command->time - pilot->decided_at);
     if (!pilot->following) {
         for (int i = 0; i < GBT_INPUTS; i++) command->thrust[i] = guidance->thrust[i];
+#if !GBT_SHOOTING
+        guidance->disturbance.known = 0;
+        ask(pilot, hold, command);
+#endif
         return;
     }
 #if GBT_SHOOTING
@@ -232,6 +263,8 @@ static void follow(gbt_pilot *pilot, double hold, const gbt_real *z, const gbt_r
     }
     gbt_follow_points(guidance->follower.bandwidth, &at[0][0], &later[0][0], own, through[0], through[1], &followed);
     for (int i = 0; i < GBT_INPUTS; i++) command->thrust[i] = followed.thrust[i];
+    if (gbt_pilot_numbers.observing) compensate(pilot, z, through[1], command);
+    ask(pilot, hold, command);
     gbt_follow_setpoint(&guidance->follower, (gbt_real)(now + gbt_pilot_numbers.lead), water, &command->setpoint);
     gbt_origin_give(pilot, command->setpoint.z);
 #endif

@@ -163,17 +163,19 @@ class ExchangeIpoptSolver:
         weights = np.zeros((self._orders, 3 * self._nodes))
         shares = np.zeros((pieces + 1, self._nodes))
         used = np.arange(self._nodes) < len(times)
+        executed = np.zeros(self._nodes, dtype=bool)
         for number, time in enumerate(times):
             piece = min(int(time / period + 1e-9), pieces - 1)
             share = time / period - piece
             shares[piece : piece + 2, number] = 1.0 - share, share
+            executed[number] = piece == 0
             weights[:, number :: self._nodes] = self._coefficients(piece, share * period)
         lower, upper = [], []
         tightened = np.broadcast_to(tightening, len(self._unit))
         for low, high, unit, own in zip(self._lower, self._upper, self._unit, tightened, strict=True):
-            inside = own + MARGIN
-            lower.append(np.where(used[:, None], low + inside * unit, -np.inf).ravel())
-            upper.append(np.where(used[:, None], high - inside * unit, np.inf).ravel())
+            inside = (np.where(executed, own, 0.0) + MARGIN)[:, None] * unit
+            lower.append(np.where(used[:, None], low + inside, -np.inf).ravel())
+            upper.append(np.where(used[:, None], high - inside, np.inf).ravel())
         added = np.concatenate([weights.ravel(order="F"), shares.ravel(order="F")])
         return added, np.concatenate(lower), np.concatenate(upper)
 
