@@ -100,7 +100,5 @@ class CompiledGaussianProcessTracker(GaussianProcessTracker):
         asked = np.asarray(times, dtype=float)
         d = self.dimension
         mean, covariance = np.empty((len(asked), d)), np.empty((len(asked), d, d))
-        for place, time in enumerate(asked):
-            one = ctypes.c_double(float(time)), ctypes.c_double(0.0), ctypes.c_int(1)
-            self._call("predict", *one, mean[place], covariance[place])
+        self._call("predict", asked, ctypes.c_int(len(asked)), mean, covariance)
         return Forecast(mean, covariance)

@@ -147,13 +147,13 @@ static void predict(const gbt_gp *process, const posterior *of, double time, gbt
     }
 }
 
-void gbt_gp_predict(const gbt_gp *process, const gbt_gp_settings *settings, double time, double period, int count,
-                    gbt_real *mean, gbt_real *covariance)
+void gbt_gp_predict(const gbt_gp *process, const gbt_gp_settings *settings, const double *times, int count, gbt_real *mean,
+                    gbt_real *covariance)
 {
     posterior now;
     condition(process, settings, &now);
     for (int t = 0; t < count; t++)
-        predict(process, &now, time + period * t, &mean[t * D], &covariance[t * D * D]);
+        predict(process, &now, times[t], &mean[t * D], &covariance[t * D * D]);
 }
 
 #if GBT_BREAKS

@@ -35,11 +35,11 @@ static inline int gbt_tracker_take(gbt_tracker *tracker, gbt_tracker_work *work,
 /* The forecast from a time on. */
 static inline void gbt_tracker_predict(gbt_tracker *tracker, gbt_tracker_work *work, double time, gbt_forecast *forecast)
 {
-    const double period = gbt_pilot_numbers.forecast_period;
-    forecast->time = time;
+    double times[GBT_AHEAD + 1];
     (void)work;
-    gbt_gp_predict(tracker, &gbt_tracker_settings, time, period, GBT_AHEAD + 1, forecast->mean[0],
-                   forecast->covariance[0][0]);
+    forecast->time = time;
+    for (int k = 0; k <= GBT_AHEAD; k++) times[k] = time + gbt_pilot_numbers.forecast_period * k;
+    gbt_gp_predict(tracker, &gbt_tracker_settings, times, GBT_AHEAD + 1, forecast->mean[0], forecast->covariance[0][0]);
 }
 
 /* How often a new track has begun after a gap. */
