@@ -181,7 +181,7 @@ def test_both_engines_refuse_the_same_in_the_same_words(kind):
         said = []
         for tracker in both:
             with pytest.raises(ValueError, match=r"kind|time|std|value") as caught:
-                take_in(tracker, one)
+                tracker.take(one)
             said.append(str(caught.value))
         assert said[0] == said[1]
     agree(both, 2.0 + AHEAD)

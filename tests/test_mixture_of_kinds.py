@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -106,7 +107,7 @@ def test_a_filter_in_bins_takes_all_in_the_order_of_time_and_tells_it_at_once():
         FirstGuess(RangedPrior(np.zeros(2), range=60.0), 50.0, 1.0), process_noise=1e-4, bearing_std=SIGMA
     )
     for k in range(12):
-        t, own = 0.6 * k, np.array([0.9 * k, 0.0])
+        t, own = 1.0 * k, np.array([0.9 * k, 0.0])
         mean = replace(sighted("azimuth", 2, target, SIGMA / np.sqrt(2.0), t + 0.05, own), sensor="bins")
         ping = sighted("range", 2, target, 1.0, t + (0.02 if k % 2 else 0.08), own, sensor="ping")
         other = sighted("azimuth", 2, target, SIGMA, t + 0.12, np.array([0.0, 60.0]), sensor="two")
@@ -114,10 +115,15 @@ def test_a_filter_in_bins_takes_all_in_the_order_of_time_and_tells_it_at_once():
         seen = sorted([*seen, *[ping] * (k % 3 == 1), replace(other, platform="two")], key=lambda one: one.time)
         for one in seen:
             take_in(tracker, one)
-        for one in sorted([mean, *[ping] * (k % 3 == 1), other], key=lambda one: one.time):
+        further = sorted([*[ping] * (k % 3 == 1), other], key=lambda one: one.time)
+        if k:
+            early = deepcopy(alone)
+            for one in further:
+                early.take(one)
+            for mine, its in zip(tracker.predict([t, t + 3.0]), early.predict([t, t + 3.0]), strict=True):
+                np.testing.assert_allclose(mine, its, rtol=1e-7, atol=1e-7)
+        for one in sorted([mean, *further], key=lambda one: one.time):
             alone.take(one)
-        for mine, its in zip(tracker.predict([t, t + 3.0]), alone.predict([t, t + 3.0]), strict=True):
-            np.testing.assert_allclose(mine, its, rtol=1e-7, atol=1e-7)
 
 
 @pytest.mark.parametrize("make", [held_turn, binned, mixture])
@@ -126,7 +132,7 @@ def test_measurements_that_say_nothing_change_nothing(make):
     forecasts = []
     for pings in (False, True):
         tracker, rng = make(), np.random.default_rng(0)
-        for k in range(61):
+        for k in range(101):
             t = 0.1 * k
             own, target = np.array([8.0 * np.sin(0.5 * t), t]), np.array([50.0 + 0.5 * t, 5.0])
             angle = SIGMA * rng.standard_normal()
@@ -135,10 +141,10 @@ def test_measurements_that_say_nothing_change_nothing(make):
             tracker.update(t, bearing, own)
             if pings and k % 3 == 1:
                 take_in(tracker, sighted("range", 2, target, 1e5, t + 0.03, own))
-        forecasts.append(tracker.predict([6.0]))
+        forecasts.append(tracker.predict([10.0]))
     without, with_pings = forecasts
     deviation = np.sqrt(np.diag(without.covariance[0]))
-    np.testing.assert_allclose((with_pings.mean[0] - without.mean[0]) / deviation, 0.0, atol=0.04)
+    np.testing.assert_allclose((with_pings.mean[0] - without.mean[0]) / deviation, 0.0, atol=0.05)
     np.testing.assert_allclose(with_pings.covariance[0], without.covariance[0], atol=0.03 * deviation.max() ** 2)
 
 

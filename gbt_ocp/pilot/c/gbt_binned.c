@@ -66,70 +66,45 @@ static int innovation(const gbt_real *line, const gbt_real *covariance, const gb
     return 1;
 }
 
-/* How many of those that wait are from before a time; a filter begins with a bearing. */
-static int early(const gbt_binned_filter *binned, double time)
-{
-    int some = 0;
-    while (binned->begun && some < binned->waiting.count && binned->waiting.sighting[some].time < time - ON_TIME) some++;
-    return some;
-}
-
-/* Gives a filter what has waited from before the mean time of the newest bin. The mean bearing, its variance across the line of
-   sight, and what is foreseen of its time. */
-static gbt_real enter(gbt_imm_ekf *filter, const gbt_binned_filter *binned, const gbt_binned_settings *settings,
-                      gbt_sighting *said, gbt_real *line, gbt_real *covariance)
-{
-    const gbt_bin *bin = &binned->bins.bin[binned->bins.count - 1];
-    const int some = early(binned, bin->time);
-    static const gbt_sighting nothing;
-    gbt_real mean[D];
-    for (int k = 0; k < some; k++) gbt_imm_ekf_take(filter, &settings->filter, &binned->waiting.sighting[k]);
-    gbt_imm_ekf_predict(filter, &settings->filter, bin->time, mean, covariance);
-    for (int k = 0; k < D; k++) line[k] = mean[k] - bin->own[k];
-    const gbt_real white = gbt_white_variance(settings->noise.std, settings->noise.estimated, &binned->bins);
-    const gbt_real noise = gbt_noise_of_mean(&settings->noise, bin->count, settings->binning.width,
-                                             gbt_fmax(gbt_length(line), NEAREST), white);
-    *said = nothing;
-    said->time = bin->time;
-    said->kind = D == 2 ? GBT_AZIMUTH : GBT_AZIMUTH_ELEVATION;
-    said->sensor = GBT_OF_BINS;
-    said->stated = 1;
-    gbt_angles_of(bin->bearing, said->value);
-    for (int a = 0; a < GBT_AXES; a++) said->std[a] = gbt_sqrt(noise);
-#if GBT_DIMENSION == 3
-    said->std[0] /= gbt_fmax(gbt_cos(said->value[1]), LEAST_COSINE); /* an azimuth counts about the vertical */
-#endif
-    for (int k = 0; k < D; k++) said->position[k] = bin->own[k];
-    return noise;
-}
-
-/* Gives a filter the mean bearing, and what has waited from after its time. What is earlier than the mean of the first bin, by
-   less than its width, counts as of its time. */
-static void leave(gbt_imm_ekf *filter, const gbt_binned_filter *binned, const gbt_binned_settings *settings,
-                  const gbt_sighting *said)
-{
-    gbt_imm_ekf_take(filter, &settings->filter, said);
-    for (int k = early(binned, said->time); k < binned->waiting.count; k++) {
-        gbt_sighting single = binned->waiting.sighting[k];
-        single.time = fmax(single.time, said->time);
-        gbt_imm_ekf_take(filter, &settings->filter, &single);
-    }
-}
-
 /* Takes in the newest bin, now that it is full, and what has waited for it. */
 static void step(gbt_binned_filter *binned, const gbt_binned_settings *settings)
 {
     const gbt_bin *bin = &binned->bins.bin[binned->bins.count - 1];
-    gbt_real line[D], covariance[D * D], square;
-    gbt_sighting said;
-    const gbt_real noise = enter(&binned->filter, binned, settings, &said, line, covariance);
+    gbt_waiting *waiting = &binned->waiting;
+    gbt_real mean[D], covariance[D * D], line[D], square;
+    static const gbt_sighting nothing;
+    gbt_sighting said = nothing;
+    int early = 0;
+    /* a filter begins with a bearing */
+    while (binned->begun && early < waiting->count && waiting->sighting[early].time < bin->time - ON_TIME)
+        gbt_imm_ekf_take(&binned->filter, &settings->filter, &waiting->sighting[early++]);
+    gbt_imm_ekf_predict(&binned->filter, &settings->filter, bin->time, mean, covariance);
+    for (int k = 0; k < D; k++) line[k] = mean[k] - bin->own[k];
+    const gbt_real white = gbt_white_variance(settings->noise.std, settings->noise.estimated, &binned->bins);
+    const gbt_real noise = gbt_noise_of_mean(&settings->noise, bin->count, settings->binning.width,
+                                             gbt_fmax(gbt_length(line), NEAREST), white);
     if (innovation(line, covariance, bin->bearing, noise, &square) && gbt_lost_after(&binned->lost, square)) {
         binned->restarts++;
         begin(binned, 0, bin->own);
     }
-    leave(&binned->filter, binned, settings, &said);
-    binned->waiting.count = 0;
-    binned->waiting.full = binned->begun = 1;
+    said.time = bin->time;
+    said.kind = D == 2 ? GBT_AZIMUTH : GBT_AZIMUTH_ELEVATION;
+    said.sensor = GBT_OF_BINS;
+    said.stated = 1;
+    gbt_angles_of(bin->bearing, said.value);
+    for (int a = 0; a < GBT_AXES; a++) said.std[a] = gbt_sqrt(noise);
+#if GBT_DIMENSION == 3
+    said.std[0] /= gbt_fmax(gbt_cos(said.value[1]), LEAST_COSINE); /* an azimuth counts about the vertical */
+#endif
+    for (int k = 0; k < D; k++) said.position[k] = bin->own[k];
+    gbt_imm_ekf_take(&binned->filter, &settings->filter, &said);
+    for (int k = early; k < waiting->count; k++) {
+        /* what is earlier than the mean of the first bin, by less than its width, counts as of its time */
+        waiting->sighting[k].time = fmax(waiting->sighting[k].time, said.time);
+        gbt_imm_ekf_take(&binned->filter, &settings->filter, &waiting->sighting[k]);
+    }
+    waiting->count = 0;
+    waiting->full = binned->begun = 1;
 }
 
 /* Begins a new track after a gap; takes in the newest bin once that is full. */
@@ -156,16 +131,14 @@ static void see(gbt_binned_filter *binned, const gbt_binned_settings *settings, 
     for (int k = 0; k < D; k++) binned->own[k] = own[k];
 }
 
-/* Has what waits for the newest bin in a filter of its own, with the bearings that the bin has. */
+/* Has what waits for the newest bin in a filter of its own. */
 static void foresee(gbt_binned_filter *binned, const gbt_binned_settings *settings)
 {
-    gbt_real line[D], covariance[D * D];
-    gbt_sighting said;
-    binned->foreseen = binned->waiting.count > 0 && !binned->waiting.full;
+    binned->foreseen = binned->begun && binned->waiting.count > 0;
     if (!binned->foreseen) return;
     binned->foreseeing = binned->filter;
-    enter(&binned->foreseeing, binned, settings, &said, line, covariance);
-    leave(&binned->foreseeing, binned, settings, &said);
+    for (int k = 0; k < binned->waiting.count; k++)
+        gbt_imm_ekf_take(&binned->foreseeing, &settings->filter, &binned->waiting.sighting[k]);
 }
 
 int gbt_binned_update(gbt_binned_filter *binned, const gbt_binned_settings *settings, double time, const gbt_real *bearing,
@@ -193,11 +166,6 @@ int gbt_binned_take(gbt_binned_filter *binned, const gbt_binned_settings *settin
         gbt_waiting_add(&binned->waiting, &parts.rest);
     foresee(binned, settings);
     return 1;
-}
-
-int gbt_binned_begun(const gbt_binned_filter *binned)
-{
-    return binned->foreseen ? binned->foreseeing.begun : binned->filter.begun;
 }
 
 void gbt_binned_predict(const gbt_binned_filter *binned, const gbt_binned_settings *settings, double time, gbt_real *mean,

@@ -42,9 +42,6 @@ int gbt_binned_update(gbt_binned_filter *binned, const gbt_binned_settings *sett
 /* Takes a measurement of any kind but a size; 0 where gbt_can_take refuses it, or where there is no room. */
 int gbt_binned_take(gbt_binned_filter *binned, const gbt_binned_settings *settings, const gbt_sighting *sighting);
 
-/* Whether there is a covariance. */
-int gbt_binned_begun(const gbt_binned_filter *binned);
-
 /* Where the target is at a time, and the covariance of that: not a number before the first full bin. */
 void gbt_binned_predict(const gbt_binned_filter *binned, const gbt_binned_settings *settings, double time, gbt_real *mean,
                         gbt_real *covariance);

@@ -1,13 +1,14 @@
 #include "gbt_held_turn.h"
 
-#include "gbt_held_weights.h"
 #include "gbt_held_correct.h"
+#include "gbt_held_kept.h"
 #include "gbt_math.h"
 #include "gbt_nodes.h"
 
 #define D GBT_DIMENSION
 #define START_WIDTH ((gbt_real)4) /* deviations of a bearing's noise within which a track is begun about it */
 #define OPEN_S 5.0                /* s after the first bearing in which no turn rate is let go and all starts are kept */
+#define FORGOTTEN ((gbt_real)1e-6) /* weight below which a component is dropped */
 
 static const int cold_starts[3] = {7, 3, 12}; /* ranges, speeds and courses at which a track is begun; GBT_COMPONENTS at least */
 
@@ -91,7 +92,7 @@ static int carry(gbt_held_turn *tracker, const gbt_held_turn_settings *settings,
         for (int k = 0; k < held; k++) tracker->component[k].log_weight += gbt_log1p(-share);
     }
     for (int k = 0; k < held + again; k++)
-        gbt_bank_advance(&settings->prior, gbt_held_slot(tracker, work, k < held ? k : k - held + GBT_COMPONENTS), seconds, moved);
+        gbt_bank_advance(&settings->prior, gbt_held_at(tracker, work, k < held ? k : k - held + GBT_COMPONENTS), seconds, moved);
     return again;
 }
 
@@ -101,7 +102,7 @@ static void keep(gbt_held_turn *tracker, const gbt_held_turn_settings *settings,
     const int open = time - tracker->first <= OPEN_S;
     int most = GBT_COMPONENTS;
     if (!open && gbt_held_observable(tracker, work, again)) most = settings->components;
-    gbt_held_keep_likeliest(tracker, work, again, most, GBT_FORGOTTEN);
+    gbt_held_keep_likeliest(tracker, work, again, most, FORGOTTEN);
 }
 
 /* What is known, of the components that are kept. */
@@ -122,7 +123,7 @@ static void step(gbt_held_turn *tracker, const gbt_held_turn_settings *settings,
     gbt_angles_of(bin->bearing, angles);
     for (int k = 0; k < held + again; k++) {
         const int slot = k < held ? k : k - held + GBT_COMPONENTS;
-        gbt_component *one = gbt_held_slot(tracker, work, slot);
+        gbt_component *one = gbt_held_at(tracker, work, slot);
         const gbt_real range = gbt_exp(one->mean[GBT_AT_LOG_RANGE]);
         const gbt_real noise = gbt_noise_of_mean(&settings->noise, bin->count, settings->binning.width, range, white);
         work->square[slot] = gbt_bank_correct(one, angles, noise);
@@ -176,7 +177,7 @@ static void count(gbt_held_turn *tracker, const gbt_held_turn_settings *settings
         const gbt_real lag = (gbt_real)(sighting[k].time - tracker->now);
         for (int c = 0; c < tracker->count + again; c++) {
             const int slot = c < tracker->count ? c : c - tracker->count + GBT_COMPONENTS;
-            gbt_bank_sight(gbt_held_slot(tracker, work, slot), &sighting[k], lag, tracker->own, settings->noise.std);
+            gbt_bank_sight(gbt_held_at(tracker, work, slot), &sighting[k], lag, tracker->own, settings->noise.std);
         }
         gbt_held_weigh(tracker, work, again);
         keep(tracker, settings, work, again, tracker->now);

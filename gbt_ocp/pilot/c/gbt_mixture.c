@@ -40,7 +40,7 @@ static int tells_range(const gbt_mixture *mixture, const gbt_mixture_settings *s
 /* Whether a member has begun; interacting models before their first full bin know no covariance. */
 static int has_covariance(const gbt_mixture *mixture, const gbt_mixture_settings *settings, int member)
 {
-    return settings->member[member] == GBT_MEMBER_HELD_TURN || gbt_binned_begun(&mixture->models);
+    return settings->member[member] == GBT_MEMBER_HELD_TURN || mixture->models.filter.begun;
 }
 
 /* The members that a forecast is made of, with weights that sum to one. */

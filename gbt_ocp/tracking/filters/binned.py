@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import replace
@@ -156,53 +156,35 @@ class BinnedFilter(RestartingTracker):
 
     def _step(self) -> None:
         """Take in the newest bin, now that it is full, and what has waited for it."""
-        said, noise, ((mean,), (covariance,)) = self._entered(self._filter)
-        line = mean - said.position
-        distance = float(np.linalg.norm(line))
-        if distance > 0.0 and np.all(np.isfinite(covariance)):
-            basis = tangent_basis(line / distance)
-            spread = basis.T @ covariance @ basis / distance**2 + noise * np.eye(len(line) - 1)
-            angle = log_map(line / distance, said.bearing, basis)
-            if self._lost.after(float(angle @ np.linalg.solve(spread, angle)) / len(angle)):
-                self.restarts += 1
-                self._begin(self._position.elsewhere(said.position))
-        self._left(self._filter, said)
-        self._waiting = []
-        self._full = self._begun = True
-
-    def _entered(self, filter_: SightingTracker) -> tuple[Sighting, float, Forecast]:
-        """Give a filter what has waited from before the mean time of the newest bin.
-
-        Returns
-        -------
-        The mean bearing, its variance in rad² across the line of sight, and what is foreseen of its time.
-        """
         means = self._bins.means()
         time, bearing, own = float(means.times[-1]), means.bearings[-1], means.own_positions[-1]
-        for single in self._early(time):
-            _given(filter_, single)
-        there = filter_.predict([time])
-        distance = float(np.linalg.norm(there.mean[0] - own))
+        # a filter begins with a bearing
+        early = [one for one in self._waiting if one.time < time - ON_TIME] if self._begun else []
+        for single in early:
+            _given(self._filter, single)
+        (mean,), (covariance,) = self._filter.predict([time])
+        line = mean - own
+        distance = float(np.linalg.norm(line))
         noise = self._noise.of_mean(
             float(means.counts[-1]), self._bins.width, max(distance, 1e-3), self._noise.white_variance(self._bins)
         )
+        if distance > 0.0 and np.all(np.isfinite(covariance)):
+            basis = tangent_basis(line / distance)
+            spread = basis.T @ covariance @ basis / distance**2 + noise * np.eye(len(own) - 1)
+            angle = log_map(line / distance, bearing, basis)
+            if self._lost.after(float(angle @ np.linalg.solve(spread, angle)) / len(angle)):
+                self.restarts += 1
+                self._begin(self._position.elsewhere(own))
         said = Sighting.of_bearing(time, bearing, own, "bins")
         std = np.full(len(said.value), np.sqrt(noise))
         if len(std) == 2:
             std[0] /= max(np.cos(said.value[1]), LEAST_COSINE)  # an azimuth counts about the vertical
-        return replace(said, std=std), noise, there
-
-    def _early(self, time: float) -> Sequence[Sighting]:
-        """What has waited from before a time; a filter begins with a bearing."""
-        return [one for one in self._waiting if one.time < time - ON_TIME] if self._begun else ()
-
-    def _left(self, filter_: SightingTracker, said: Sighting) -> None:
-        """Give a filter the mean bearing, and what has waited from after its time."""
-        early = len(self._early(said.time))
-        filter_.take(said)
-        for single in self._waiting[early:]:
+        self._filter.take(Sighting(time, said.kind, said.value, std, own, "bins", bearing))
+        for single in self._waiting[len(early) :]:
             # what is earlier than the mean of the first bin, by less than its width, counts as of its time
-            _given(filter_, replace(single, time=max(single.time, said.time)))
+            _given(self._filter, replace(single, time=max(single.time, time)))
+        self._waiting = []
+        self._full = self._begun = True
 
     @property
     def range_observable(self) -> bool:
@@ -216,9 +198,10 @@ class BinnedFilter(RestartingTracker):
     def predict(self, times: ArrayLike) -> Forecast:
         """Posterior of the target's position at the times ``(K,)`` in seconds."""
         at, known = np.atleast_1d(np.asarray(times, dtype=float)), self._filter
-        if self._waiting and not self._full:
+        if self._waiting and self._begun:
             known = deepcopy(known)
-            self._left(known, self._entered(known)[0])
+            for single in self._waiting:
+                _given(known, single)
         return known.predict(at)
 
 

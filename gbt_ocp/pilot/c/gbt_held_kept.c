@@ -1,12 +1,13 @@
-#include "gbt_held_weights.h"
+#include "gbt_held_kept.h"
 
 #include "gbt_math.h"
 
 #define D GBT_DIMENSION
 #define AHEAD_MOST 40             /* components that are carried ahead */
+#define FORGOTTEN ((gbt_real)1e-6) /* weight below which a component is dropped */
 
 /* A component by its number: those that are kept, then those that draw again. */
-gbt_component *gbt_held_slot(gbt_held_turn *tracker, gbt_held_turn_work *work, int slot)
+gbt_component *gbt_held_at(gbt_held_turn *tracker, gbt_held_turn_work *work, int slot)
 {
     return slot < GBT_COMPONENTS ? &tracker->component[slot] : &work->again[slot - GBT_COMPONENTS];
 }
@@ -17,10 +18,10 @@ void gbt_held_weigh(gbt_held_turn *tracker, gbt_held_turn_work *work, int again)
     const int rest = GBT_COMPONENTS - tracker->count;
     gbt_real top = -GBT_INFINITY, total = 0;
     for (int k = 0; k < tracker->count + again; k++)
-        top = gbt_fmax(top, gbt_held_slot(tracker, work, k < tracker->count ? k : k + rest)->log_weight);
+        top = gbt_fmax(top, gbt_held_at(tracker, work, k < tracker->count ? k : k + rest)->log_weight);
     for (int k = 0; k < tracker->count + again; k++) {
         const int slot = k < tracker->count ? k : k + rest;
-        gbt_component *one = gbt_held_slot(tracker, work, slot);
+        gbt_component *one = gbt_held_at(tracker, work, slot);
         one->log_weight -= top; /* they say only how one compares with another */
         total += work->weight[slot] = gbt_exp(one->log_weight);
     }
@@ -56,7 +57,7 @@ void gbt_held_keep_likeliest(gbt_held_turn *tracker, gbt_held_turn_work *work, i
         int slot = work->order[k];
         while (slot < k) slot = work->order[slot]; /* it has changed places with one that stands there by now */
         if (slot == k) continue;
-        gbt_component *here = &tracker->component[k], *there = gbt_held_slot(tracker, work, slot);
+        gbt_component *here = &tracker->component[k], *there = gbt_held_at(tracker, work, slot);
         const gbt_component kept = *here;
         const gbt_real weight = work->weight[k];
         *here = *there;
@@ -80,7 +81,7 @@ static int wide(gbt_held_turn *tracker, gbt_held_turn_work *work, int again)
     gbt_real total = 0, mean = 0, square = 0;
     for (int k = 0; k < tracker->count + again; k++) {
         const int slot = k < tracker->count ? k : k - tracker->count + GBT_COMPONENTS;
-        const gbt_component *one = gbt_held_slot(tracker, work, slot);
+        const gbt_component *one = gbt_held_at(tracker, work, slot);
         const gbt_real weight = work->weight[slot], off = one->mean[GBT_AT_LOG_RANGE] - near;
         total += weight;
         mean += weight * off;
@@ -97,7 +98,7 @@ int gbt_held_observable(gbt_held_turn *tracker, gbt_held_turn_work *work, int ag
     gbt_mixed_begin(&mixed, wide(tracker, work, again));
     for (int k = 0; k < tracker->count + again; k++) {
         const int slot = k < tracker->count ? k : k - tracker->count + GBT_COMPONENTS;
-        const gbt_component *one = gbt_held_slot(tracker, work, slot);
+        const gbt_component *one = gbt_held_at(tracker, work, slot);
         gbt_bank_position(one, mean, slopes);
         gbt_bank_spread(one, slopes, covariance);
         gbt_mixed_add(&mixed, work->weight[slot], mean, covariance);
@@ -116,7 +117,7 @@ void gbt_held_look_ahead(gbt_held_turn *tracker, const gbt_held_turn_settings *s
     for (int node = 0; node < tracker->nodes; node++) gbt_mixed_begin(&work->mixed[node], median);
     for (int k = 0; k < most; k++) {
         const gbt_component *one = &tracker->component[k];
-        if (!(work->weight[k] > GBT_FORGOTTEN)) break;
+        if (!(work->weight[k] > FORGOTTEN)) break;
         gbt_ahead_begin(&work->ahead, &settings->prior, &work->fading, tracker->nodes, one, mean, covariance);
         gbt_mixed_add(&work->mixed[0], work->weight[k], mean, covariance);
         for (int node = 1; node < tracker->nodes; node++) {
