@@ -162,7 +162,7 @@ def test_other_faults_are_one_line_and_exit_code_2(tmp_path, capsys):
         ([str(tmp_path / "none.csv"), "--bearing-from", "x"], ["none.csv", "cannot be read"]),
         (
             [str(path), "--bearing-from", "x", "--tracker", "magic"],
-            ["--tracker: found magic", "motion_gp, mixture, ekf"],
+            ["--tracker: found magic", "mixture, motion_gp, ekf"],
         ),
         (
             [str(path), "--bearing-from", "x", "--set", "replay.trackers={a: {kind: nothing}}", "--tracker", "a"],
