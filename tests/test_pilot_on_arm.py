@@ -70,7 +70,7 @@ OF_TIMES = {
     *("decide", "desired", "gaps", "guidance", "intake", "origin", "own_track", "pilot", "trajectory", "watch"),
     *("bins", "motion_gp", "motions", "polar", "shape_rows", "singles", "track_memory", "ekf", "gp"),
     *("moments", "places", "plan", "problem", "wide"),
-    *("binned", "held_turn", "imm_ekf", "mixture", "nodes", "noise", "polar_update"),
+    *("binned", "held_turn", "imm_ekf", "mixture", "nodes", "noise", "polar_update", "waiting"),
 }
 """Files that handle times, and coordinates of zones or of a moving origin, which are double in both precisions: a few
 operations a measurement, a command or a plan."""
