@@ -22,7 +22,7 @@ def loop(steps, seed=1):
 
 
 def test_the_loop_closes_in_a_world_written_elsewhere(capsys):
-    names = loop(250)
+    names = loop(400)
     health = names["command"].health
     assert health.planner in ("solved", "given up")
     assert health.bearing_age <= 0.1
