@@ -160,12 +160,21 @@ BENCHMARKS = (
     ),
     benchmark("sea_two", "--seeds", "20", "--out", f"{OUT}/runs"),
     benchmark("sea_recorded", TRACKS, "--seeds", "4", "--duration", "120", "--out", f"{OUT}/runs"),
-    benchmark(
-        "sea_water", *("current", "vehicles", "setpoints", "--seeds", "20", "--duration", "120", "--out", f"{OUT}/runs")
+    *(
+        benchmark(
+            *("sea_water", group, "--seeds", "20", "--duration", "120", "--out", f"{OUT}/runs"), name=f"sea_{group}"
+        )
+        for group in ("current", "vehicles", "setpoints")
     ),
     benchmark(
         "sea_closed_loop",
         *("sea2d", "sea3d", "sea2d_speed", "sea3d_speed", "--seeds", "20", "--out", f"{OUT}/sea"),
+    ),
+    benchmark(
+        "sea_closed_loop",
+        *("sea2d", "--trackers", "mixture", "--starts", "10", "30", "100", "--duration", "120", "--seeds", "20"),
+        *("--out", f"{OUT}/starts"),
+        name="sea_starts",
     ),
 )
 """Every benchmark with the arguments of the documentation, the quick ones first."""
