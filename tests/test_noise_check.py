@@ -55,7 +55,7 @@ def test_two_contacts_without_a_column_are_warned_of_for_every_tracker(tmp_path,
 def test_contacts_that_are_near_are_told_apart_by_a_sensor_of_little_noise(tmp_path, apart):
     log = write_log(tmp_path / "log.csv", apart, std=0.3)
     little = ["tracker.noise={std_deg: 0.3, correlated_deg: 0.0}"]
-    with pytest.warns(RuntimeWarning, match="motion_gp: a quarter of the bearings"):
+    with pytest.warns(RuntimeWarning, match="mixture: a quarter of the bearings"):
         replay(log, bearing_from="x", overrides=[*FAST, *little])
 
 
