@@ -170,7 +170,8 @@ def bearings(dimension, count=400):
 @pytest.mark.parametrize(("kind", "dimension"), [("motion_gp", 3), ("mixture", 2)])
 @pytest.mark.long
 def test_the_hypotheses_of_a_tracker_make_up_its_forecast(dimension, kind):
-    loop, _ = build_loop(load_config(f"sea{dimension}d", [f"tracker.kind={kind}", "planner.pieces=2"]))
+    keys = [f"tracker.kind={kind}", "tracker.engine=numpy", "planner.pieces=2"]
+    loop, _ = build_loop(load_config(f"sea{dimension}d", keys))
     several = 0
     for k, (time, bearing, own) in enumerate(zip(*bearings(dimension), strict=True)):
         loop.tracker.update(time, bearing, own)
