@@ -55,9 +55,7 @@ class _InC:
 
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """Take in a bearing."""
-        direction, own = checked_sample(time, bearing, own_position, self.latest)
-        if time < self.taken:
-            raise ValueError(f"time: found {time} after {self.taken}; allowed: times that do not decrease")
+        direction, own = checked_sample(time, bearing, own_position, self.latest, since=self.taken)
         if not self.call("update", self._work, ctypes.c_double(float(time)), direction, own):
             raise ValueError(f"time: found {time}, one bearing more than a bin can hold; allowed: a lower rate")
         self.taken = self.latest = float(time)

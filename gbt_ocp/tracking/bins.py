@@ -200,10 +200,19 @@ class BearingBins:
         return bool(np.floor(time / self.width) == np.floor(other / self.width))
 
     def checked(
-        self, time: float, bearing: ArrayLike, own_position: ArrayLike, *, same_time: bool = False
+        self,
+        time: float,
+        bearing: ArrayLike,
+        own_position: ArrayLike,
+        *,
+        same_time: bool = False,
+        since: float = -np.inf,
     ) -> tuple[Array, Array]:
-        """Bearing and own position ``(d,)`` of a sample that :meth:`append` takes; raises as it does."""
-        return checked_sample(time, bearing, own_position, self._latest, same_time)
+        """Bearing and own position ``(d,)`` of a sample that :meth:`append` takes; raises as it does.
+
+        And if the time in seconds is before ``since``, that of the latest measurement of any kind.
+        """
+        return checked_sample(time, bearing, own_position, self._latest, same_time, since)
 
     def append(
         self,

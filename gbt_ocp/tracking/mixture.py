@@ -162,9 +162,7 @@ class MixtureTracker(RestartingTracker):
             If numbers are not finite, the bearing is no unit vector, or time does not increase; the tracker is then
             unchanged.
         """
-        b, own = self._bins.checked(time, bearing, own_position)
-        if time < self._last:
-            raise ValueError(f"time: found {time} after {self._last}; allowed: times that do not decrease")
+        b, own = self._bins.checked(time, bearing, own_position, since=self._last)
         self._note(float(time), own)
         self._seen(float(time), b, own)
         for member in self.members.values():

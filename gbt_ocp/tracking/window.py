@@ -41,15 +41,22 @@ class Measurements:
 
 
 def checked_sample(
-    time: float, bearing: ArrayLike, own_position: ArrayLike, latest: float | None, same_time: bool = False
+    time: float,
+    bearing: ArrayLike,
+    own_position: ArrayLike,
+    latest: float | None,
+    same_time: bool = False,
+    since: float = -np.inf,
 ) -> tuple[Array, Array]:
-    """Bearing and own position ``(d,)`` as new arrays; ``latest`` is the time of the sample before, in seconds.
+    """Bearing and own position ``(d,)`` as new arrays.
+
+    ``latest`` is the time of the sample before, in seconds, ``since`` that of the latest measurement of any kind.
 
     Raises
     ------
     ValueError
         If a number is not finite, the bearing is no unit vector, or time does not increase; with ``same_time`` (another
-        sensor's sample), if it decreases.
+        sensor's sample), if it decreases; or if it is before ``since``.
     """
     b, own = np.array(bearing, dtype=float), np.array(own_position, dtype=float)
     if b.shape != own.shape or b.shape not in ((2,), (3,)):
@@ -60,6 +67,8 @@ def checked_sample(
         raise ValueError(f"a bearing must have length 1, found {np.linalg.norm(b):.6g}")
     if latest is not None and (time < latest or (time == latest and not same_time)):
         raise ValueError(f"time must increase, found {time} after {latest}")
+    if time < since:
+        raise ValueError(f"time: found {time} after {since}; allowed: times that do not decrease")
     return b, own
 
 

@@ -145,10 +145,7 @@ class HeldTurnTracker(RestartingTracker):
             unchanged.
         """
         t = float(time)
-        b, own = self._bins.checked(t, bearing, own_position)
-        if t < self._latest:
-            raise ValueError(f"time: found {t} after {self._latest}; allowed: times that do not decrease")
-        self._seen(t, b, own)
+        self._seen(t, *self._bins.checked(t, bearing, own_position, since=self._latest))
 
     def take(self, sighting: Sighting) -> None:
         """Take in a measurement of any kind in :attr:`takes`, with its own noise, at or after the latest time.
