@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.models.measurements import MeasurementKind, Sighting
-from gbt_ocp.ocp.codegen.library import load_library
 from gbt_ocp.pilot.compiled_ekf import sighting_for_c
 from gbt_ocp.pilot.pilot_source import UNLISTED
-from gbt_ocp.pilot.tracker_source import TrackerInC, called, laid_out, tracker_in_c
+from gbt_ocp.pilot.state_in_c import StateInC
+from gbt_ocp.pilot.tracker_source import TrackerInC, tracker_in_c
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.mixture import MixtureTracker
 from gbt_ocp.tracking.noise import BearingNoise
@@ -24,39 +24,22 @@ from gbt_ocp.tracking.window import checked_sample
 from gbt_ocp.typing import Array
 
 
-class _InC:
+class _InC(StateInC):
     """A tracker's state in C, and the calls on it; times have to increase."""
 
     def __init__(self, made: TrackerInC, dimension: int, start: Array) -> None:
-        self._name = f"gbt_{made.name}"
-        self._library = load_library(made.alone(dimension, UNLISTED))
-        self._numbers = np.frombuffer(laid_out(made.settings), dtype=float).copy()
-        for name in ("bytes", "work_bytes"):
-            getattr(self._library, f"{self._name}_{name}").restype = ctypes.c_size_t
-        for name in ("begin", "forecast"):
-            getattr(self._library, f"{self._name}_{name}").restype = None
+        super().__init__(made, dimension, UNLISTED, ("begin", "forecast"), works=True)
         self._dimension = dimension
-        self.state = np.zeros(getattr(self._library, f"{self._name}_bytes")() // 8 + 1)
-        # it keeps nothing, and nothing of it is saved
-        self._work = ctypes.create_string_buffer(getattr(self._library, f"{self._name}_work_bytes")())
         self.latest: float | None = None
         self.taken = -np.inf
         self._sensors: dict[str, int] = {}
         self.own = np.array(start, dtype=float)
         self.call("begin", self.own)
 
-    def call(self, name: str, *given: Any) -> int:
-        """A function of the library on the state and the settings."""
-        return called(getattr(self._library, f"{self._name}_{name}"), self.state, self._numbers, *given)
-
-    def counted(self, name: str) -> int:
-        """A function of the library on the state alone."""
-        return called(getattr(self._library, f"{self._name}_{name}"), self.state)
-
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """Take in a bearing."""
         direction, own = checked_sample(time, bearing, own_position, self.latest, since=self.taken)
-        if not self.call("update", self._work, ctypes.c_double(float(time)), direction, own):
+        if not self.call_working("update", ctypes.c_double(float(time)), direction, own):
             raise ValueError(f"time: found {time}, one bearing more than a bin can hold; allowed: a lower rate")
         self.taken = self.latest = float(time)
         self.own = own
@@ -68,7 +51,7 @@ class _InC:
             raise ValueError(
                 f"platform: found '{sighting.platform}'; allowed with tracker.engine compiled: the own one"
             )
-        if not self.call("take", self._work, ctypes.byref(sighting_for_c(sighting, self._sensors))):
+        if not self.call_working("take", ctypes.byref(sighting_for_c(sighting, self._sensors))):
             raise ValueError(
                 f"time: found {sighting.time}, one measurement more than a bin can hold; allowed: a lower rate"
             )
@@ -80,14 +63,14 @@ class _InC:
         """At the times ``(K,)``."""
         t, d = np.atleast_1d(np.asarray(times, dtype=float)), self._dimension
         mean, covariance = np.empty((len(t), d)), np.empty((len(t), d, d))
-        self.call("forecast", self._work, t, ctypes.c_int(len(t)), mean, covariance)
+        self.call_working("forecast", t, ctypes.c_int(len(t)), mean, covariance)
         return Forecast(mean, covariance)
 
     def believed(self, member: int, times: Array) -> Forecast:
         """What a member says of the times ``(K,)``."""
         d = self._dimension
         mean, covariance = np.empty((len(times), d)), np.empty((len(times), d, d))
-        self.call("ask", self._work, ctypes.c_double(float(times.max(initial=-np.inf))))
+        self.call_working("ask", ctypes.c_double(float(times.max(initial=-np.inf))))
         for place, time in enumerate(times):
             self.call("believe", ctypes.c_int(member), ctypes.c_double(float(time)), mean[place], covariance[place])
         return Forecast(mean, covariance)

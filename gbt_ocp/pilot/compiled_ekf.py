@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.models.measurements import MeasurementKind, Sighting
-from gbt_ocp.ocp.codegen.library import load_library
 from gbt_ocp.pilot.pilot_source import UNLISTED
-from gbt_ocp.pilot.tracker_source import called, extended_in_c, laid_out
+from gbt_ocp.pilot.state_in_c import StateInC
+from gbt_ocp.pilot.tracker_source import extended_in_c
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
 from gbt_ocp.tracking.filters.motion_models import size_estimate
 from gbt_ocp.tracking.polar import checked_sighting, is_bearing
@@ -49,26 +49,18 @@ class CompiledExtendedKalmanFilter(ExtendedKalmanFilter):
         self, guess: FirstGuess, *, process_noise: float, bearing_std: float, size: LogNormal | None = None
     ) -> None:
         made = extended_in_c(guess, process_noise, bearing_std, size)
-        self._library = load_library(made.alone(len(guess.prior.start), UNLISTED))
-        self._library.gbt_ekf_bytes.restype = ctypes.c_size_t
-        self._library.gbt_ekf_predict.restype = self._library.gbt_ekf_begin.restype = None
-        self._numbers = np.frombuffer(laid_out(made.settings), dtype=float).copy()
-        self._memory = np.zeros(self._library.gbt_ekf_bytes() // 8 + 1)
+        self._c = StateInC(made, len(guess.prior.start), UNLISTED, ("begin", "predict"))
         self._sensors: dict[str, int] = {}
         super().__init__(guess, process_noise=process_noise, bearing_std=bearing_std, size=size)
 
     def _begin(self, guess: FirstGuess) -> None:
         super()._begin(guess)
-        self._call("begin", np.array(guess.prior.start, dtype=float))
-
-    def _call(self, name: str, *arrays: Any) -> int:
-        """A function of the library on the memory and the settings."""
-        return called(getattr(self._library, f"gbt_ekf_{name}"), self._memory, self._numbers, *arrays)
+        self._c.call("begin", np.array(guess.prior.start, dtype=float))
 
     @property
     def _state(self) -> Any:
         """The memory as the struct of C."""
-        return _structure(len(self._guess.prior.start), self._size_prior is not None).from_buffer(self._memory)
+        return _structure(len(self._guess.prior.start), self._size_prior is not None).from_buffer(self._c.state)
 
     @property
     def new_tracks(self) -> int:
@@ -103,7 +95,7 @@ class CompiledExtendedKalmanFilter(ExtendedKalmanFilter):
 
     def _taken(self, sighting: Sighting) -> None:
         given = sighting_for_c(sighting, self._sensors)
-        if not self._call("take", ctypes.byref(given)):
+        if not self._c.call("take", ctypes.byref(given)):
             raise ValueError(f"measurement: found one of kind '{sighting.kind}' that leaves no track; allowed: others")
 
     def predict(self, times: ArrayLike) -> Forecast:
@@ -112,7 +104,7 @@ class CompiledExtendedKalmanFilter(ExtendedKalmanFilter):
         d = len(self._guess.prior.start)
         mean, covariance = np.empty((len(asked), d)), np.empty((len(asked), d, d))
         for place, time in enumerate(asked):
-            self._call("predict", ctypes.c_double(float(time)), mean[place], covariance[place])
+            self._c.call("predict", ctypes.c_double(float(time)), mean[place], covariance[place])
         return Forecast(mean, covariance)
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import ctypes
 import math
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gbt_ocp.ocp.codegen.library import load_library
-from gbt_ocp.pilot.tracker_source import called, laid_out, tracker_in_c
+from gbt_ocp.pilot.state_in_c import StateInC
+from gbt_ocp.pilot.tracker_source import tracker_in_c
 from gbt_ocp.tracking.gp.breaks import Break
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.priors import PositionPrior
@@ -53,7 +53,6 @@ class CompiledGaussianProcessTracker(GaussianProcessTracker):
         prior: PositionPrior | None = None,
         breaks: bool = False,
     ) -> None:
-        self._memory = np.zeros(0)
         self._added = False  # whether C has taken the latest bearing already
         super().__init__(
             dimension,
@@ -66,39 +65,30 @@ class CompiledGaussianProcessTracker(GaussianProcessTracker):
             prior=prior,
             breaks=breaks,
         )
-        made = tracker_in_c(self)
-        self._library = load_library(made.alone(dimension, 1))
-        self._library.gbt_gp_bytes.restype = ctypes.c_size_t
-        self._library.gbt_gp_begin.restype = self._library.gbt_gp_predict.restype = None
-        self._numbers = np.frombuffer(laid_out(made.settings), dtype=float).copy()
-        self._memory = np.zeros(self._library.gbt_gp_bytes() // 8)
-        self._call("begin", self._prior.start)
-
-    def _call(self, name: str, *given: Any) -> int:
-        """A function of the library on the memory and the settings."""
-        return called(getattr(self._library, f"gbt_gp_{name}"), self._memory, self._numbers, *given)
+        self._c = StateInC(tracker_in_c(self), dimension, 1, ("begin", "predict"))
+        self._c.call("begin", self._prior.start)
 
     def _judged(self, time: float, bearing: Array, own: Array) -> tuple[Break | None, bool]:
-        answer = self._call("add", ctypes.c_double(time), bearing, own)
+        answer = self._c.call("add", ctypes.c_double(time), bearing, own)
         self._added = True
         if answer != _BROKEN:
             return None, answer == _WAITS
         d = self.dimension
         # known_mean, known_axis, known_variance, start, centre, log_theta are the last numbers of the memory
-        known = self._memory[: -2 * d - len(self._tuning.search[2])][-d * (d + 2) :]
+        known = self._c.state[: -2 * d - len(self._tuning.search[2])][-d * (d + 2) :]
         return Break(known[:d].copy(), math.sqrt(known[-1])), False
 
     def _tune(self, measurements: Measurements) -> None:
         if not self._added:
             time, bearing, own = self.window.latest
-            self._call("add", ctypes.c_double(time), bearing, own)
+            self._c.call("add", ctypes.c_double(time), bearing, own)
         self._added = False
-        self._tuning.found(self._memory[-len(self._tuning.search[2]) :].copy())
+        self._tuning.found(self._c.state[-len(self._tuning.search[2]) :].copy())
 
     def predict(self, times: ArrayLike) -> Forecast:
         """As :meth:`GaussianProcessTracker.predict`."""
         asked = np.asarray(times, dtype=float)
         d = self.dimension
         mean, covariance = np.empty((len(asked), d)), np.empty((len(asked), d, d))
-        self._call("predict", asked, ctypes.c_int(len(asked)), mean, covariance)
+        self._c.call("predict", asked, ctypes.c_int(len(asked)), mean, covariance)
         return Forecast(mean, covariance)

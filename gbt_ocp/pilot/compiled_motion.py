@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.models.measurements import Sighting
-from gbt_ocp.ocp.codegen.library import load_library
 from gbt_ocp.pilot.compiled_ekf import sighting_for_c
 from gbt_ocp.pilot.pilot_source import UNLISTED
-from gbt_ocp.pilot.tracker_source import called, laid_out, tracker_in_c
+from gbt_ocp.pilot.state_in_c import StateInC
+from gbt_ocp.pilot.tracker_source import tracker_in_c
 from gbt_ocp.tracking.polar import checked_sighting
 from gbt_ocp.tracking.protocol import Forecast, WeighedForecasts
 from gbt_ocp.tracking.shape.hypotheses import MotionHypothesis
@@ -52,38 +52,31 @@ class CompiledMotionTracker(MotionShapeTracker):
     takes_unstated = True
 
     def __init__(self, dimension: int, *, horizon: float | None = None, update: float = 1.0, **keys: Any) -> None:
-        self._state = np.zeros(0)
+        self._c: StateInC | None = None
         if horizon is not None:
             keys["reach"] = horizon + STALE * update
         super().__init__(dimension, update=update, **keys)
         made = tracker_in_c(self)
-        self._library = load_library(made.alone(dimension, UNLISTED))
-        self._numbers = np.frombuffer(laid_out(made.settings), dtype=float).copy()
-        for name in ("bytes", "work_bytes"):
-            getattr(self._library, f"gbt_motion_gp_{name}").restype = ctypes.c_size_t
-        for name in ("begin", "predict", "believe"):
-            getattr(self._library, f"gbt_motion_gp_{name}").restype = None
         nodes = 2 * SLOWER * self._shape.knots[3] + 1
         self._struct = _latest(dimension, nodes, made.sizes["HYPOTHESES"])
-        self._state = np.zeros(self._library.gbt_motion_gp_bytes() // 8 + 1)
-        # it keeps nothing, and nothing of it is saved
-        self._work = ctypes.create_string_buffer(self._library.gbt_motion_gp_work_bytes())
+        self._c = StateInC(made, dimension, UNLISTED, ("begin", "predict", "believe"), works=True)
         self._sensors: dict[str, int] = {}
-        self._call("begin", np.array(self._position.start, dtype=float))
-
-    def _call(self, name: str, *given: Any) -> int:
-        """A function of the library on the state and the settings."""
-        return called(getattr(self._library, f"gbt_motion_gp_{name}"), self._state, self._numbers, *given)
+        self._c.call("begin", np.array(self._position.start, dtype=float))
 
     @property
     def _latest(self) -> Any:
         """The beginning of the state as the struct of C."""
-        return self._struct.from_buffer(self._state)
+        return self._struct.from_buffer(self._in_c.state)
+
+    @property
+    def _in_c(self) -> StateInC:
+        assert self._c is not None, "made by the constructor"
+        return self._c
 
     @property
     def new_tracks(self) -> int:
         """How often a gap of more than ten windows has ended and a new track has begun."""
-        return int(self._latest.gaps.count) if self._state.size else 0
+        return int(self._latest.gaps.count) if self._c is not None else 0
 
     def update(self, time: float, bearing: ArrayLike, own_position: ArrayLike) -> None:
         """As :meth:`MotionShapeTracker.update`."""
@@ -94,7 +87,7 @@ class CompiledMotionTracker(MotionShapeTracker):
     @property
     def restarts(self) -> int:
         """How often the track was lost and begun again."""
-        return int(self._latest.restarts) if self._state.size else 0
+        return int(self._latest.restarts) if self._c is not None else 0
 
     @restarts.setter
     def restarts(self, value: int) -> None:
@@ -107,7 +100,7 @@ class CompiledMotionTracker(MotionShapeTracker):
 
     def _taken(self, sighting: Sighting) -> None:
         given = sighting_for_c(sighting, self._sensors)
-        if not self._call("take", self._work, ctypes.byref(given)):
+        if not self._in_c.call_working("take", ctypes.byref(given)):
             raise ValueError(
                 f"time: found {sighting.time}, which is before the latest measurement, or one of more than a bin can "
                 "hold; allowed: times that do not decrease"
@@ -148,7 +141,7 @@ class CompiledMotionTracker(MotionShapeTracker):
         d = self.dimension
         mean, covariance = np.empty((len(times), d)), np.empty((len(times), d, d))
         for place, time in enumerate(times):
-            self._call(name, *which, ctypes.c_double(float(time)), mean[place], covariance[place])
+            self._in_c.call(name, *which, ctypes.c_double(float(time)), mean[place], covariance[place])
         return mean, covariance
 
     def motion_at(self, time: float) -> Array | None:
