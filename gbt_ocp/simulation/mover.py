@@ -226,7 +226,9 @@ class Mover:
 
     def _is_on(self, state: Array, piece: FlatTrajectory) -> bool:
         """Whether the vehicle is where the piece begins: after a clipped piece it is not."""
-        return bool(np.abs(np.vstack(self._vehicle.flat(state)) - piece.start[:2]).max() <= ON_PLAN)
+        z, dz = self._vehicle.flat(state)
+        begin = piece.start
+        return bool(np.abs(z - begin[0]).max() <= ON_PLAN and np.abs(dz - begin[1]).max() <= ON_PLAN)
 
     def _led_back(self, state: Array, piece: FlatTrajectory, water: Array, clipped: bool) -> Move:
         """Follow a piece with feedback, in the frame of the water."""
