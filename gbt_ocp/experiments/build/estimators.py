@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from gbt_ocp.experiments.build.mixture_members import mixture_member
 from gbt_ocp.experiments.build.noise import bearing_noise, noise_of
+from gbt_ocp.experiments.build.priors import range_prior, size_prior, speed_prior
 from gbt_ocp.experiments.config import tracker as sections
 from gbt_ocp.experiments.config.noise import NoisyBearingsSection, filter_std
 from gbt_ocp.models.sensors import BearingSensor
@@ -49,7 +50,7 @@ def gaussian_process(
     """Kind ``gp``: for exact bearings, or for noisy ones where ``noise`` says so."""
     noise = noise_of(section, sensor)
     if noise is not None:
-        return _noisy(noise, prior, sensor, _size_prior(section.size))
+        return _noisy(noise, prior, sensor, size_prior(section.size))
     made = GaussianProcessTracker
     if section.engine == "compiled":
         from gbt_ocp.pilot.compiled_gp import CompiledGaussianProcessTracker as made  # noqa: N813
@@ -64,11 +65,6 @@ def gaussian_process(
         prior=prior,
         breaks=section.nugget == "tuned",  # the paper's nugget is fixed, and its window is what it is
     )
-
-
-def _size_prior(size: tuple[float, ...] | None) -> LogNormal | None:
-    """What is known of the true size, from its median and the share by which it may differ."""
-    return None if size is None else LogNormal(*size)
 
 
 def _noisy(
@@ -116,8 +112,8 @@ def coregionalized(
 def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: BearingSensor) -> MotionShapeTracker:
     """Kind ``motion_gp``."""
     shape = ShapePrior(
-        speed=LogNormal(section.speed.median, section.speed.log_std),
-        range=LogNormal(section.range.median_m, section.range.log_std),
+        speed=speed_prior(section),
+        range=range_prior(section),
         kernel=section.turn_kernel,
         turn_stds=section.turn_rate_std,
         turn_times=section.turn_time_s,
@@ -126,12 +122,10 @@ def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: Bearing
     )
     made: type[MotionShapeTracker] = MotionShapeTracker
     own: dict[str, Any] = {}
-    if isinstance(section, sections.MotionSection):
-        own["size"] = _size_prior(section.size)
-        if section.engine == "compiled":
-            from gbt_ocp.pilot.compiled_motion import CompiledMotionTracker as made  # noqa: N813
+    if isinstance(section, sections.MotionSection) and section.engine == "compiled":
+        from gbt_ocp.pilot.compiled_motion import CompiledMotionTracker as made  # noqa: N813
 
-            own["horizon"] = section.forecast * (section.forecast_period_s or sensor.period)
+        own["horizon"] = section.forecast * (section.forecast_period_s or sensor.period)
     return made(
         len(prior.start),
         noise=bearing_noise(section.noise, sensor),
@@ -144,6 +138,7 @@ def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: Bearing
         memory=math.inf if section.memory is None else section.memory,
         gate=math.inf if section.gate is None else section.gate,
         position=prior,
+        size=size_prior(section.size),
         **own,
     )
 
@@ -198,13 +193,14 @@ def _by_engine(engine: str, in_numpy: type[_Made], in_c: str, made: Callable[[ty
 def held_turn(section: sections.HeldTurnSection, prior: PositionPrior, sensor: BearingSensor) -> HeldTurnTracker:
     """Kind ``held_turn``."""
     motion_prior = HeldTurnPrior(
-        speed=LogNormal(section.speed.median, section.speed.log_std),
-        range=LogNormal(section.range.median_m, section.range.log_std),
+        speed=speed_prior(section),
+        range=range_prior(section),
         turn_stds=section.turn_rate_std,
         hold=section.hold_s,
         speed_stds=section.speed_change_std,
         speed_time=section.speed_time_s,
         climb_std=section.climb_std,
+        size=size_prior(section.size),
     )
 
     def made(tracker: type[HeldTurnTracker]) -> HeldTurnTracker:
@@ -293,7 +289,7 @@ def extended(
         _first_guess(section, prior),
         process_noise=section.process_noise,
         bearing_std=filter_std(section.bearing_std_deg, sensor.noise),
-        size=_size_prior(section.size),
+        size=size_prior(section.size),
     )
 
 
@@ -305,7 +301,7 @@ def imm_extended(
         _first_guess(section, prior),
         _models(section),
         bearing_std=filter_std(section.bearing_std_deg, sensor.noise),
-        size=_size_prior(section.size),
+        size=size_prior(section.size),
     )
 
 
