@@ -242,7 +242,7 @@ def test_auto_is_numpy_where_there_is_no_c(monkeypatch):
     changes = {"kind": "mixture", "members": ["ekf", "held_turn"]}
     section = load_config({"problem": "case2", "tracker": changes}).tracker
     assert type(build_tracker(section, *AT_START[2])) is MixtureTracker
-    monkeypatch.setattr("gbt_ocp.experiments.build.estimators.find_compiler", lambda: None)
+    monkeypatch.setattr("gbt_ocp.experiments.build.tracker_engine.find_compiler", lambda: None)
     section = load_config({"problem": "case2", "tracker": {"kind": "mixture"}}).tracker
     assert type(build_tracker(section, *AT_START[2])) is MixtureTracker
     with pytest.raises(ConfigurationError, match=r"tracker\.engine: found 'compiled'.*held_turn and imm_ekf"):

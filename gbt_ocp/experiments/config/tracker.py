@@ -109,7 +109,7 @@ class GaussianProcessSection(ProcessSection):
         "sensor, null, or a mapping",
     )
     size: SizeNumbers | None = _size()
-    engine: Literal["numpy", "compiled"] = engine()
+    engine: Literal["auto", "numpy", "compiled"] = engine_or_auto()
 
 
 class CoregionalizedSection(ProcessSection):
