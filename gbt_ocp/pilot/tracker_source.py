@@ -6,12 +6,11 @@ import ctypes
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
-from gbt_ocp.ocp.codegen.library import kernel_files
+from gbt_ocp.ocp.codegen.library import c_texts, kernel_files
 from gbt_ocp.pilot.mixture_source import first_guess_in_c, held_turn_in_c, known_position, mixture_in_c, size_in_c
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
@@ -118,12 +117,7 @@ class TrackerInC:
 
 def pilot_texts() -> dict[str, str]:
     """The hand-written C files of the pilot and of all trackers, by name."""
-    folder = files("gbt_ocp.pilot") / "c"
-    return {
-        entry.name: entry.read_text(encoding="utf-8")
-        for entry in sorted(folder.iterdir(), key=lambda entry: entry.name)
-        if entry.name.endswith((".c", ".h"))
-    }
+    return dict(c_texts("gbt_ocp.pilot", "c"))
 
 
 def tracker_in_c(
