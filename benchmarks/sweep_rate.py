@@ -6,8 +6,8 @@ First single runs of the paper's cases 2 and 5 as they are, 30 s each, in this p
 parts, in which all but the first share the problem, and of their loop of 301 steps.
 
 Then the same sweep (case 2, planner, compiled solver, 30 s a run) with `--jobs 1` and `--jobs 2`, in turns, after both
-have been warmed up: starting the workers is not counted. The machine must have two idle cores. The last columns are what
-a run took by its own clock: where two workers slow each other down, it shows there.
+have been warmed up: starting the workers is not counted. The machine must have two idle cores. The last columns are
+what a run took by its own clock: where two workers slow each other down, it shows there.
 """
 
 from __future__ import annotations
