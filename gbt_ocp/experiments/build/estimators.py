@@ -11,6 +11,7 @@ from typing import Any
 
 from gbt_ocp.experiments.build.mixture_members import mixture_member
 from gbt_ocp.experiments.build.noise import bearing_noise, noise_of
+from gbt_ocp.experiments.build.priors import range_prior, size_prior, speed_prior
 from gbt_ocp.experiments.build.tracker_engine import by_engine, gp_in_c, held_turn_in_c, mixture_in_c
 from gbt_ocp.experiments.config import tracker as sections
 from gbt_ocp.experiments.config.noise import NoisyBearingsSection, filter_std
@@ -47,7 +48,7 @@ def gaussian_process(
     """Kind ``gp``: for exact bearings, or for noisy ones where ``noise`` says so."""
     noise = noise_of(section, sensor)
     if noise is not None:
-        return _noisy(noise, prior, sensor, _size_prior(section.size))
+        return _noisy(noise, prior, sensor, size_prior(section.size))
 
     def made(tracker: type[GaussianProcessTracker]) -> GaussianProcessTracker:
         return tracker(
@@ -63,11 +64,6 @@ def gaussian_process(
         )
 
     return by_engine(section.engine, GaussianProcessTracker, gp_in_c, made)
-
-
-def _size_prior(size: tuple[float, ...] | None) -> LogNormal | None:
-    """What is known of the true size, from its median and the share by which it may differ."""
-    return None if size is None else LogNormal(*size)
 
 
 def _noisy(
@@ -115,8 +111,8 @@ def coregionalized(
 def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: BearingSensor) -> MotionShapeTracker:
     """Kind ``motion_gp``."""
     shape = ShapePrior(
-        speed=LogNormal(section.speed.median, section.speed.log_std),
-        range=LogNormal(section.range.median_m, section.range.log_std),
+        speed=speed_prior(section),
+        range=range_prior(section),
         kernel=section.turn_kernel,
         turn_stds=section.turn_rate_std,
         turn_times=section.turn_time_s,
@@ -125,12 +121,10 @@ def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: Bearing
     )
     made: type[MotionShapeTracker] = MotionShapeTracker
     own: dict[str, Any] = {}
-    if isinstance(section, sections.MotionSection):
-        own["size"] = _size_prior(section.size)
-        if section.engine == "compiled":
-            from gbt_ocp.pilot.compiled_motion import CompiledMotionTracker as made  # noqa: N813
+    if isinstance(section, sections.MotionSection) and section.engine == "compiled":
+        from gbt_ocp.pilot.compiled_motion import CompiledMotionTracker as made  # noqa: N813
 
-            own["horizon"] = section.forecast * (section.forecast_period_s or sensor.period)
+        own["horizon"] = section.forecast * (section.forecast_period_s or sensor.period)
     return made(
         len(prior.start),
         noise=bearing_noise(section.noise, sensor),
@@ -143,6 +137,7 @@ def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: Bearing
         memory=math.inf if section.memory is None else section.memory,
         gate=math.inf if section.gate is None else section.gate,
         position=prior,
+        size=size_prior(section.size),
         **own,
     )
 
@@ -173,13 +168,14 @@ def mixture(section: sections.MixtureSection, prior: PositionPrior, sensor: Bear
 def held_turn(section: sections.HeldTurnSection, prior: PositionPrior, sensor: BearingSensor) -> HeldTurnTracker:
     """Kind ``held_turn``."""
     motion_prior = HeldTurnPrior(
-        speed=LogNormal(section.speed.median, section.speed.log_std),
-        range=LogNormal(section.range.median_m, section.range.log_std),
+        speed=speed_prior(section),
+        range=range_prior(section),
         turn_stds=section.turn_rate_std,
         hold=section.hold_s,
         speed_stds=section.speed_change_std,
         speed_time=section.speed_time_s,
         climb_std=section.climb_std,
+        size=size_prior(section.size),
     )
 
     def made(tracker: type[HeldTurnTracker]) -> HeldTurnTracker:
@@ -268,7 +264,7 @@ def extended(
         _first_guess(section, prior),
         process_noise=section.process_noise,
         bearing_std=filter_std(section.bearing_std_deg, sensor.noise),
-        size=_size_prior(section.size),
+        size=size_prior(section.size),
     )
 
 
@@ -280,7 +276,7 @@ def imm_extended(
         _first_guess(section, prior),
         _models(section),
         bearing_std=filter_std(section.bearing_std_deg, sensor.noise),
-        size=_size_prior(section.size),
+        size=size_prior(section.size),
     )
 
 
