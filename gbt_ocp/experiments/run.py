@@ -118,6 +118,8 @@ def run(
 
         def after_step(step: int, error: float, solver_time: float) -> None:
             check()
+            if not progress:  # the bar would have the line made and throw it away
+                return
             solver = f", solver {1e3 * solver_time:.1f} ms" if math.isfinite(solver_time) else ""
             bar.set_postfix_str(f"error {error:.4f} m{solver}", refresh=False)
             bar.update()

@@ -88,7 +88,8 @@ def simulate_together(
         done = [run.move(t) for run in runs]
         if progress is not None:
             times = [step.plan.solve_time for step in done if step.plan is not None]
-            progress(k, float(np.mean([step.error for step in done])), sum(times) if times else np.nan)
+            error = sum(float(np.add.reduce(step.error)) / len(step.error) for step in done) / len(done)
+            progress(k, error, sum(times) if times else np.nan)
     return [run.recording() for run in runs]
 
 
