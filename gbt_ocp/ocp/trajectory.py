@@ -140,7 +140,7 @@ class FlatTrajectory:
             derivatives = propagate(derivatives, [top[-1]], period)[:degree]
         return cls(period, start, np.array(top))
 
-    @property
+    @cached_property
     def degree(self) -> int:
         """L, the degree of the polynomials."""
         return len(self.start) + int(self.top.shape[1]) // int(self.start.shape[1]) - 1
@@ -215,20 +215,33 @@ class FlatTrajectory:
 
     def step(self, since: float, until: float) -> Array:
         """How far z, ż and z̈ go between two times ``(3, n)``."""
-        return self._values(until) - self._values(since)
+        (piece, begin), (last, end) = self._powers(since), self._powers(until)
+        if piece != last:
+            return self._values(until) - self._values(since)
+        values: Array = np.dot([b - a for a, b in zip(begin, end, strict=True)], self._derivatives(piece))
+        return values
 
     def _values(self, time: float) -> Array:
         """z, ż, z̈ at one time ``(3, n)``."""
+        piece, powers = self._powers(time)
+        values: Array = np.dot(powers, self._derivatives(piece))
+        return values
+
+    def _powers(self, time: float) -> tuple[int, list[float]]:
+        """The piece of a time, and the powers 1, s, …, s^L of the time s since that piece began."""
         piece = min(max(int((time / self.period + 1e-9) // 1.0), 0), len(self.top) - 1)
+        s, power, powers = time - piece * self.period, 1.0, []
+        for _ in range(self.degree + 1):
+            powers.append(power)
+            power *= s
+        return piece, powers
+
+    def _derivatives(self, piece: int) -> Array:
+        """What :meth:`_derivatives_of` gives, kept."""
         derived = self._derived.get(piece)
         if derived is None:
             derived = self._derived[piece] = self._derivatives_of(piece)
-        s, power, powers = time - piece * self.period, 1.0, []
-        for _ in range(derived.shape[1]):
-            powers.append(power)
-            power *= s
-        values: Array = np.dot(powers, derived)
-        return values
+        return derived
 
     @cached_property
     def _derived(self) -> dict[int, Array]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gbt_ocp.ocp.codegen.library import kernel_files
-from gbt_ocp.pilot.mixture_source import first_guess_in_c, held_turn_in_c, known_position, mixture_in_c
+from gbt_ocp.pilot.mixture_source import first_guess_in_c, held_turn_in_c, known_position, mixture_in_c, size_in_c
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
@@ -172,8 +172,7 @@ def extended_in_c(guess: FirstGuess, process_noise: float, bearing_std: float, s
     """An extended Kalman filter as C, by its parameters."""
     settings = {
         "process_noise": process_noise,
-        "log_size": 0.0 if size is None else math.log(size.median),
-        "log_size_std": 1.0 if size is None else size.log_std,
+        **size_in_c(size),
         "guess": first_guess_in_c(guess, bearing_std),
     }
     return TrackerInC("ekf", settings, {"SIZED": int(size is not None), "BLOCKS_OF_STATE": 2})
@@ -235,8 +234,7 @@ def _motion(tracker: MotionShapeTracker, samples: int, others: int) -> TrackerIn
             "correlated_std": noise.correlated_std,
             "correlation_time": noise.correlation_time,
             "own_std": noise.own_std,
-            "log_size": 0.0 if size is None else math.log(size.median),
-            "log_size_std": 0.0 if size is None else size.log_std,
+            **size_in_c(size),
         },
         "binning": {"width": bins.width, "window": bins.window, "stray": bins.stray},
         "update": update,
