@@ -23,8 +23,8 @@ TURN_FACTOR, TURN_BANDWIDTH = 4.0, 8.0
 """Of an angle the bandwidth is so many times that of the position, up to so many rad/s.
 
 What a model with errors leaves of the Munk moment turns the vehicle out of its motion. At a speed u that moment grows
-at the rate ``u sqrt((m_v - m_u)/m_r)``, 13 a second at 4 m/s of the Falcon; a fifth of it left over is a stiffness of
--34 /s², more than ω² of the position can hold."""
+at the rate ``u sqrt((m_v - m_u)/m_r)``, 13 a second at 4 m/s of the Falcon. Where the vehicle is a fifth heavier than
+its model a sixth is left over, a stiffness of -28 /s²: more than ω² of the position can hold."""
 
 
 def turn_bandwidth(bandwidth: float) -> float:
