@@ -105,7 +105,12 @@ BENCHMARKS = (
     benchmark("pilot_foreign_loop"),
     benchmark("objectives"),
     benchmark("follower", "sea2d"),
-    benchmark("plant_errors", "sea2d", "case2", "case5", "--seeds", "20", "--out", f"{OUT}/runs"),
+    benchmark("plant_errors", "sea2d", "--seeds", "20", "--out", f"{OUT}/runs"),
+    benchmark(
+        "plant_errors",
+        *("case2", "case5", "--seeds", "20", "--duration", "10", "--out", f"{OUT}/runs"),
+        name="plant_errors_cases",
+    ),
     benchmark(
         "solver",
         *("--study", "horizon,loop", "--printed", "40", "--figure", f"{OUT}/solver_benchmark.png"),

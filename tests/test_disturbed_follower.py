@@ -76,7 +76,7 @@ def test_a_constant_force_is_estimated_as_it_is():
 
 
 @pytest.mark.parametrize("step", [0.1, 0.9])
-def test_lagging_thrusters_act_after_a_third_of_their_lag(step):
+def test_lagging_thrusters_act_after_a_tenth_of_their_lag(step):
     lag, wanted = 0.3, step * PLANAR.thrust_max
     thrusters, acting, found = LaggingThrusters(PLANAR, lag), np.zeros(3), []
     for k in range(40):

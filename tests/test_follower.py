@@ -15,9 +15,9 @@ from gbt_ocp.models.vehicles import PlanarPointMass
 from gbt_ocp.ocp import FlatTrajectory
 from gbt_ocp.ocp.codegen.library import build_library, find_compiler, kernel_files
 from gbt_ocp.ocp.codegen.problem_source import generate_problem
-from gbt_ocp.ocp.follower import Follower, samples
+from gbt_ocp.ocp.follower import Follower, samples, turn_bandwidth
 from gbt_ocp.ocp.trajectory import FlatPoint
-from gbt_ocp.simulation.plant import Motion, Plant
+from gbt_ocp.simulation.plant import Motion, Plant, scaled
 
 PLANAR = FossenVehicle(FALCON_2D, [5000.0, 5000.0, 1500.0])
 SPATIAL = FossenVehicle(FALCON_3D, [5000.0, 5000.0, 5000.0, 1500.0])
@@ -31,7 +31,9 @@ def point(trajectory, time):
     "vehicle", [PLANAR, SPATIAL, PlanarPointMass(2.0, 0.5, (50.0, 50.0))], ids=["planar", "spatial", "point mass"]
 )
 def test_without_model_error_each_error_decays_as_a_critically_damped_one(vehicle):
-    bandwidth, step, n = 2.0, 0.02, vehicle.flat_dimension
+    bandwidth, step, n, d = 1.0, 0.01, vehicle.flat_dimension, vehicle.position_dimension
+    each = np.where(np.arange(n) < d, bandwidth, turn_bandwidth(bandwidth))
+    assert not n > d or each[-1] == 4.0 * bandwidth
     rng = np.random.default_rng(1)
     start = 0.2 * rng.standard_normal((2, n))
     trajectory = FlatTrajectory(1.0, start, 0.05 * rng.standard_normal((3, n)))
@@ -39,16 +41,35 @@ def test_without_model_error_each_error_decays_as_a_critically_damped_one(vehicl
     follower, motion = Follower(vehicle, bandwidth), Motion(Plant(vehicle))
     state = vehicle.state(start[0] - error, start[1])
     found = []
-    for k in range(150):
+    for k in range(600):
         now, middle = point(trajectory, k * step), point(trajectory, (k + 0.5) * step)
         thrust = follower.thrust(now, middle, *vehicle.flat(state))
         state = motion.advance(state, lambda s, thrust=thrust: thrust, step)
         found.append(trajectory((k + 1) * step) - vehicle.flat(state)[0])
-    t = step * np.arange(1, 151)
-    decayed = ((1.0 + bandwidth * t) * np.exp(-bandwidth * t))[:, None] * error
-    # the thrust is held for a fiftieth of a second: the loop is that much later
+    t = step * np.arange(1, 601)[:, None]
+    decayed = (1.0 + each * t) * np.exp(-each * t) * error
+    # the thrust is held for a hundredth of a second: the loop is that much later
     np.testing.assert_allclose(found, decayed, atol=0.03 * np.abs(error).max())
     assert np.abs(found[-1]).max() < 0.03 * np.abs(error).max()
+
+
+def test_a_vehicle_keeps_its_bow_ahead_though_a_fifth_of_its_mass_and_drag_is_not_known():
+    parameters = scaled(FALCON_2D, mass=1.2, added_mass=1.2, drag=1.2)
+    vehicle = FossenVehicle(parameters, PLANAR.thrust_max)
+    # the Munk moment of what is not known: a stiffness in yaw that the bandwidth of the position would not hold
+    speed, (surge, sway, yaw) = 3.0, parameters.inertia_diagonal
+    left = (1.0 - 1.0 / 1.2) * (sway - surge) * speed**2 / yaw
+    assert 2.0**2 < left < turn_bandwidth(2.0) ** 2
+    follower, motion = Follower(PLANAR, 2.0), Motion(Plant(vehicle))
+    ahead, step = np.array([speed, 0.0, 0.0]), 0.02
+    state, turned = vehicle.state(np.array([0.0, 0.0, 0.05]), ahead), []
+    for k in range(150):
+        now, middle = (FlatPoint(ahead * time, ahead, np.zeros(3)) for time in (k * step, (k + 0.5) * step))
+        thrust = follower.thrust(now, middle, *PLANAR.flat(state))
+        state = motion.advance(state, lambda s, thrust=thrust: thrust, step)
+        turned.append(abs(state[2]))
+    assert max(turned) < 0.1
+    assert turned[-1] < 0.01
 
 
 def test_feed_forward_alone_follows_a_plan_to_the_square_of_the_time_between_samples():

@@ -11,8 +11,11 @@ from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.typing import Array
 
-QUICKER = 1.0 / 3.0
-"""Share of the lag within which a thrust is to act: less asks for more noise, and for limits more often."""
+QUICKER = 0.1
+"""Share of the lag within which a thrust is to act: less asks for more noise, and for limits more often.
+
+A moment that comes later than the Munk moment grows (13 a second, see :mod:`gbt_ocp.ocp.follower`) does not hold it: a
+lag of 0.3 s has to become one of 0.03 s."""
 
 
 class LaggingThrusters:

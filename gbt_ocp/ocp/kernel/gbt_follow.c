@@ -6,7 +6,10 @@
 
 #define SAME_TIME (8 * GBT_EPSILON * GBT_PIECES) /* rounding of a time, in pieces: a boundary belongs to the later one */
 
-#define QUICKER ((gbt_real)1 / 3) /* share of a lag within which a thrust is to act */
+#define QUICKER ((gbt_real)0.1) /* share of a lag within which a thrust is to act */
+
+#define TURN_FACTOR 4                /* of an angle, the bandwidth is so many times that of the position, */
+#define TURN_BANDWIDTH ((gbt_real)8) /* up to this, rad/s */
 
 void gbt_thrusters_init(gbt_thrusters *thrusters, gbt_real lag)
 {
@@ -118,9 +121,10 @@ gbt_follow_status gbt_follow_points(gbt_real bandwidth, const gbt_real *now, con
                                     const gbt_real *z, const gbt_real *dz, gbt_follow_result *result)
 {
     gbt_real point[GBT_POINT], square = 0;
-    const gbt_real w = bandwidth;
+    const gbt_real turn = gbt_fmax(bandwidth, gbt_fmin(TURN_FACTOR * bandwidth, TURN_BANDWIDTH));
     for (int j = 0; j < GBT_FLAT; j++) {
         const gbt_real error = now[j] - own[j], rate_error = now[GBT_FLAT + j] - dz[j];
+        const gbt_real w = j < GBT_DIMENSION ? bandwidth : turn;
         result->error[j] = j < GBT_DIMENSION ? error : gbt_remainder(error, GBT_TURN);
         if (j < GBT_DIMENSION) square += error * error;
         point[j] = z[j] + (middle[j] - now[j]);

@@ -14,7 +14,8 @@
 
    Computed torque on the flat output: the thrust of the acceleration  ddz + 2 w (dz - dz_m) + w^2 (z - z_m)  at the
    measured z_m and its rate dz_m. Without model error and within the limits the error e of each flat output then obeys
-   e'' + 2 w e' + w^2 e = 0. */
+   e'' + 2 w e' + w^2 e = 0. Of an angle w is four times the bandwidth, up to 8 rad/s if that is more: what is not known
+   of the Munk moment turns a vehicle faster than it takes it off its course. */
 #ifndef GBT_FOLLOW_H
 #define GBT_FOLLOW_H
 
@@ -24,7 +25,7 @@
 GBT_BEGIN_C
 
 typedef struct {
-    gbt_real bandwidth; /* w in rad/s */
+    gbt_real bandwidth; /* w of the position in rad/s */
     int planned;        /* whether there is a plan */
     gbt_real start[GBT_JOINED][GBT_FLAT], top[GBT_PIECES][GBT_FREE];
 } gbt_follower;
@@ -46,7 +47,7 @@ typedef struct {
 /* At rest; with a lag of 0 what is wanted is asked. */
 void gbt_thrusters_init(gbt_thrusters *thrusters, gbt_real lag);
 
-/* What to ask until the next sample, in the place of the thrust that is wanted: more, so that it acts after a third of the
+/* What to ask until the next sample, in the place of the thrust that is wanted: more, so that it acts after a tenth of the
    lag, or at the next sample if that is later.
 
    passed   seconds since the last call
