@@ -64,7 +64,7 @@ typedef struct {
     short number[GBT_ALL_CELLS];    /* of a cell among those that have components, counted from 1; 0 without any */
     short place[GBT_COMPONENTS];    /* of each component, by range and course */
     short best[GBT_CELLS];          /* the likeliest component of each cell */
-    gbt_real heaviest[GBT_CELLS], total[GBT_CELLS]; /* its weight, and that of all of them */
+    gbt_real total[GBT_CELLS];      /* and the weight of all of its components */
 } gbt_cells;
 
 /* One component for each cell that has some, with their moments and its turn rate, and vertical speed, drawn again, whose

@@ -175,7 +175,8 @@ def begun(prior: HeldTurnPrior, angles: Array, variance: float, ranges: int, lev
     turn, speed = prior.branches
     n = 6 if len(angles) == 1 else 8
     z, y = _grid(2.0, ranges), _grid(1.0, levels)
-    x = np.arange(courses) * 2.0 * np.pi / courses - np.pi
+    # between the borders of the cells in which turn rates are drawn again: rounding would decide on them
+    x = (np.arange(courses) + 0.5) * 2.0 * np.pi / courses - np.pi
     grid = np.stack(np.meshgrid(z, y, x, np.arange(len(turn)), indexing="ij"), axis=-1).reshape(-1, 4)
     branch = grid[:, 3].astype(np.intp)
     means, covariances = np.zeros((len(grid), n)), np.zeros((len(grid), n, n))

@@ -10,6 +10,7 @@ from gbt_ocp.tracking.held.bank import (
     CHANGE,
     CLIMB,
     COURSE,
+    FORGOTTEN,
     LEVEL,
     LOG_RANGE,
     TURN,
@@ -45,7 +46,8 @@ def let_go(prior: HeldTurnPrior, given: Components, step: float) -> tuple[Compon
 def in_other_manners(prior: HeldTurnPrior, given: Components) -> Components:
     """Those that let go: the same manner of changing the speed, and with :data:`NEW_MANNER` each other one.
 
-    Another manner begins at the speed that there is: its level is that, and the change from it is drawn.
+    Another manner begins at the speed that there is: its level is that, and the change from it is drawn. None begins
+    from what would be :data:`~gbt_ocp.tracking.held.bank.FORGOTTEN` with its share.
     """
     manners = len(prior.speed_stds)
     if manners == 1:
@@ -58,12 +60,13 @@ def in_other_manners(prior: HeldTurnPrior, given: Components) -> Components:
     covariances[:, :, LEVEL] += covariances[:, :, CHANGE]
     means[:, CHANGE] = 0.0
     covariances[:, CHANGE, :] = covariances[:, :, CHANGE] = 0.0
-    weights = given.log_weights + np.log(NEW_MANNER / (manners - 1))
+    share = NEW_MANNER / (manners - 1)
+    some = share * np.exp(given.log_weights - given.log_weights.max()) > FORGOTTEN
     for further in range(1, manners):
         branches = turn * manners + (manner + further) % manners
         spread = covariances.copy()
         spread[:, CHANGE, CHANGE] = prior.branches[1][branches] ** 2
-        kept = kept.joined(Components(weights, means, spread, branches))
+        kept = kept.joined(Components(given.log_weights + np.log(share), means, spread, branches)[some])
     return kept
 
 
