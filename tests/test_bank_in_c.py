@@ -21,7 +21,7 @@ from gbt_ocp.pilot.compiled_bank import CompiledHeldTurnTracker, CompiledMixture
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.intake import take_in
 from gbt_ocp.tracking.mixture import MixtureTracker
-from gbt_ocp.tracking.polar import WITHOUT_SIZE
+from gbt_ocp.tracking.polar import ALL_KINDS, WITHOUT_SIZE
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
@@ -133,9 +133,9 @@ def test_a_lost_track_is_begun_again_when_it_is_in_numpy(kind):
     assert both[1].restarts > 0
 
 
-def of_all_kinds(d, rng, seconds):
+def of_all_kinds(d, rng, seconds, sizes=False):
     """Bearings ten times a second that mostly say nothing of their noise, and now and then all else."""
-    others = ["range", "position"] + ["elevation", "azimuth", "azimuth_elevation"] * (d == 3)
+    others = ["range", "position"] + ["elevation", "azimuth", "azimuth_elevation"] * (d == 3) + ["size"] * sizes
     for number, (time, bearing, own) in enumerate(bearings(d, rng, seconds)):
         plain = Sighting.of_bearing(time, bearing, own)
         if number % 5 == 3:
@@ -143,18 +143,28 @@ def of_all_kinds(d, rng, seconds):
         seen = [plain] if number % 11 else []  # without its bearing a bin may be another's
         if number % 4 == 1:
             kind = others[number // 4 % len(others)]
-            std = {"range": 1.0, "position": 2.0}.get(kind, 2.0 * SIGMA)
+            std = {"range": 1.0, "position": 2.0, "size": 0.003}.get(kind, 2.0 * SIGMA)
             single = sighted(kind, d, where(d, time)[1], std, time, own, sensor=f"one {number % 3}")
             seen.insert(number % 2, single)
         yield from seen
 
 
-@pytest.mark.parametrize(("d", "kind"), [(2, "held_turn"), (2, "mixture"), _long(3, "held_turn"), _long(3, "mixture")])
-def test_measurements_of_all_kinds_in_c_are_those_of_numpy(d, kind):
+@pytest.mark.parametrize(
+    ("d", "kind", "size"),
+    [
+        (2, "held_turn", None),
+        (2, "held_turn", [3.0, 0.3]),
+        _long(2, "mixture", None),
+        (2, "mixture", [3.0, 0.3]),
+        _long(3, "held_turn", [3.0, 0.3]),
+        _long(3, "mixture", [3.0, 0.3]),
+    ],
+)
+def test_measurements_of_all_kinds_in_c_are_those_of_numpy(d, kind, size):
     """With noises of their own, before and after the bearing of their time, and in pauses of the bearings."""
-    both = both_of(d, kind)
-    assert both[0].takes == both[1].takes == WITHOUT_SIZE
-    for number, one in enumerate(of_all_kinds(d, np.random.default_rng(d), 14.0)):
+    both = both_of(d, kind, size=size)
+    assert both[0].takes == both[1].takes == (WITHOUT_SIZE if size is None else ALL_KINDS)
+    for number, one in enumerate(of_all_kinds(d, np.random.default_rng(d), 14.0, sizes=size is not None)):
         if 5.0 < one.time < 7.0 and one.kind.startswith("azimuth"):
             continue
         for tracker in both:
@@ -233,7 +243,7 @@ def test_auto_is_numpy_where_there_is_no_c(monkeypatch):
     changes = {"kind": "mixture", "members": ["ekf", "held_turn"]}
     section = load_config({"problem": "case2", "tracker": changes}).tracker
     assert type(build_tracker(section, *AT_START[2])) is MixtureTracker
-    monkeypatch.setattr("gbt_ocp.experiments.build.estimators.find_compiler", lambda: None)
+    monkeypatch.setattr("gbt_ocp.experiments.build.tracker_engine.find_compiler", lambda: None)
     section = load_config({"problem": "case2", "tracker": {"kind": "mixture"}}).tracker
     assert type(build_tracker(section, *AT_START[2])) is MixtureTracker
     with pytest.raises(ConfigurationError, match=r"tracker\.engine: found 'compiled'.*held_turn and imm_ekf"):

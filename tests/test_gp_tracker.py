@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from gbt_ocp.models.bearings import unit_bearing
+from gbt_ocp.pilot.compiled_gp import CompiledGaussianProcessTracker
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.gp.posterior import LARGEST_NUGGET
 from gbt_ocp.tracking.priors import PositionPrior
@@ -126,11 +127,15 @@ HARD_WINDOWS = {
 }
 
 
+BOTH = pytest.mark.parametrize("kind", [GaussianProcessTracker, CompiledGaussianProcessTracker])
+
+
+@BOTH
 @pytest.mark.parametrize("settings", [{}, {"amplitude": 1e7}, {"length_scale": 1e6, "amplitude": 1e-6}], ids=str)
 @pytest.mark.parametrize("name", HARD_WINDOWS)
-def test_no_window_is_too_badly_conditioned(name, settings):
+def test_no_window_is_too_badly_conditioned(name, settings, kind):
     rng = np.random.default_rng(5)
-    tracker = GaussianProcessTracker(2, nugget=1e-16, **settings)
+    tracker = kind(2, nugget=1e-16, **settings)
     for k in range(30):
         tracker.update(0.01 * k, *HARD_WINDOWS[name](k, rng))
         forecast = tracker.predict(0.01 * k + 0.1 * np.arange(12))
@@ -142,8 +147,9 @@ def test_no_window_is_too_badly_conditioned(name, settings):
         assert tracker.nugget_retries > 0
 
 
-def test_retries_are_counted_and_show_in_the_nugget():
-    tracker = GaussianProcessTracker(2, window=200, length_scale=100.0, amplitude=3.0, nugget=1e-16)
+@BOTH
+def test_retries_are_counted_and_show_in_the_nugget(kind):
+    tracker = kind(2, window=200, length_scale=100.0, amplitude=3.0, nugget=1e-16)
     fed(0.02 * np.arange(200), tracker)
     # The last sample alone needed as many as its nugget shows.
     needed = round(np.log10(tracker.hyperparameters.nugget / 1e-16))
@@ -152,12 +158,14 @@ def test_retries_are_counted_and_show_in_the_nugget():
     before = tracker.nugget_retries
     target, own = circling(np.array([4.1]))
     tracker.update(4.1, unit_bearing(target[0], own[0]), own[0])
-    assert tracker.nugget_retries - before == round(np.log10(tracker.hyperparameters.nugget / 1e-16))
+    nugget = tracker.hyperparameters.nugget
+    assert tracker.nugget_retries - before == round(np.log10(nugget / 1e-16))
     np.testing.assert_allclose(tracker.predict([4.1]).mean, target, atol=1e-2)
 
 
-def test_a_well_conditioned_window_needs_no_retry():
-    tracker = fed(0.1 * np.arange(30), GaussianProcessTracker(2, length_scale=1.0, amplitude=3.0, nugget=1e-8))
+@BOTH
+def test_a_well_conditioned_window_needs_no_retry(kind):
+    tracker = fed(0.1 * np.arange(30), kind(2, length_scale=1.0, amplitude=3.0, nugget=1e-8))
     assert tracker.nugget_retries == 0
     assert tracker.hyperparameters.nugget == 1e-8
 

@@ -19,19 +19,19 @@ from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.tracking.filters.binned import BinnedFilter
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
-from gbt_ocp.tracking.held.bank import ELEVATION, LOG_RANGE, HeldTurnPrior
+from gbt_ocp.tracking.held.bank import ELEVATION, LOG_RANGE, LOG_SIZE, HeldTurnPrior
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.intake import take_in
 from gbt_ocp.tracking.mixture import MixtureTracker
 from gbt_ocp.tracking.noise import BearingNoise
-from gbt_ocp.tracking.polar import WITHOUT_SIZE
+from gbt_ocp.tracking.polar import ALL_KINDS, WITHOUT_SIZE
 from gbt_ocp.tracking.priors import LogNormal, RangedPrior
 
 SIGMA = float(np.deg2rad(1.0))
 
 
-def held_turn(dimension=2, start=60.0):
-    prior = HeldTurnPrior(LogNormal(1.0, 0.7), LogNormal(start, 1.0))
+def held_turn(dimension=2, start=60.0, size=None):
+    prior = HeldTurnPrior(LogNormal(1.0, 0.7), LogNormal(start, 1.0), size=size)
     return HeldTurnTracker(dimension, noise=BearingNoise(SIGMA), prior=prior)
 
 
@@ -85,6 +85,32 @@ def test_a_ping_is_the_product_of_the_densities_of_log_range(first):
         variance = posterior @ (x - mean) ** 2
         assert found[0] == pytest.approx(mean, abs=close * np.sqrt(variance))
         assert found[1] == pytest.approx(variance, rel=max(close, 1e-5))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_an_angular_size_is_the_product_of_the_densities_of_range_and_size(dimension):
+    """A still target with one bearing and one angle that it fills, by brute force on a grid of both logarithms."""
+    tracker, own = held_turn(dimension, size=LogNormal(3.0, 0.4)), np.zeros(dimension)
+    still = np.array([40.0, 12.0, -9.0])[:dimension]
+    tracker.update(0.0, unit_bearing(still, own), own)
+    prior = tracker._found
+    seen = sighted("size", dimension, still, 0.004, 0.0, own)
+    take_in(tracker, seen)
+    x, y = np.linspace(np.log(1.0), np.log(4000.0), 3001)[:, None], np.log(3.0) + np.linspace(-2.4, 2.4, 801)
+    density = np.zeros_like(x)
+    places, which = np.unique(prior.means[:, LOG_RANGE], return_inverse=True)
+    variance = prior.covariances[0, LOG_RANGE, LOG_RANGE]
+    for mean, weight in zip(places, np.bincount(which, prior.weights), strict=True):
+        density += weight * np.exp(-0.5 * (x - mean) ** 2 / variance)
+    angle = float(seen.value[0])
+    residual = (np.log(2.0 * np.tan(0.5 * angle)) - (y - x)) * np.sin(angle) / 0.004
+    posterior = density * np.exp(-0.5 * ((y - np.log(3.0)) / 0.4) ** 2 - 0.5 * residual**2)
+    posterior /= posterior.sum()
+    for values, place in ((x, LOG_RANGE), (y, LOG_SIZE)):
+        mean = np.sum(posterior * values)
+        found, spread = moments(tracker._found, place)
+        assert found == pytest.approx(mean, abs=1e-4)
+        assert spread == pytest.approx(np.sum(posterior * (values - mean) ** 2), rel=1e-3)
 
 
 def test_an_elevation_alone_is_the_product_of_two_gaussians():
@@ -178,7 +204,7 @@ def test_a_bearing_that_states_its_noise_counts_by_its_worth(make):
 
 
 @pytest.mark.parametrize("name", ["held_turn", "mixture"])
-def test_sensors_of_all_kinds_but_sizes_are_configured_beside_it(name):
+def test_sensors_of_all_kinds_are_configured_beside_it(name):
     sensors = [
         {"name": "sonar", "kind": "azimuth", "period_s": 0.5, "noise_deg": 1.0},
         {"name": "pinger", "kind": "range", "period_s": 5.0, "noise_m": 1.0},
@@ -189,22 +215,26 @@ def test_sensors_of_all_kinds_but_sizes_are_configured_beside_it(name):
     built = build_tracker(config.tracker, np.zeros(2), BearingSensor(0.5))
     assert built.takes == WITHOUT_SIZE
     camera = {"name": "camera", "kind": "size", "period_s": 1.0, "noise_share": 0.1}
-    with pytest.raises(ConfigurationError, match=f"sensor.3.kind: found .size.; .*range.*tracker.kind: {name} takes$"):
+    with pytest.raises(ConfigurationError, match=r"sensor.3.kind: found .size.; .*for kind size with tracker.size"):
         load_config({"problem": "sea2d", "sensor": [*sensors, camera], "tracker": section})
+    section["size"] = [2.0, 0.3]
+    config = load_config({"problem": "sea2d", "sensor": [*sensors, camera], "tracker": section})
+    assert build_tracker(config.tracker, np.zeros(2), BearingSensor(0.5)).takes == ALL_KINDS
 
 
 @pytest.mark.long
-def test_on_a_straight_leg_the_tracker_at_sea_has_the_range_of_the_pings():
+@pytest.mark.parametrize("kind", ["range", "size"])
+def test_on_a_straight_leg_the_tracker_at_sea_has_the_range_of_pings_and_sizes(kind):
     """4 logs; benchmarks/measurement_kinds.py has the leg."""
-    section = load_config("sea2d").tracker
+    section = load_config("sea2d", ["tracker.size=[2.0, 0.3]"]).tracker
     squares = []
     for seed in range(4):
-        seen, target, _ = straight_leg("range", seed)
+        seen, target, _ = straight_leg(kind, seed)
         tracker = build_tracker(section, np.zeros(2), BearingSensor(1.0, noise=SIGMA))
         for one in seen:
             take_in(tracker, one)
         squares.append(np.sum((tracker.predict([60.0]).mean[0] - target) ** 2))
-    assert np.sqrt(np.mean(squares) / np.trace(bound("range", 60.0))) < 1.6
+    assert np.sqrt(np.mean(squares) / np.trace(bound(kind, 60.0))) < 1.6
 
 
 @pytest.mark.long

@@ -279,6 +279,30 @@ def test_the_process_in_c_cuts_its_window_and_leaves_strays_out_where_the_one_in
     assert max(off) < 5e-3
 
 
+@pytest.mark.parametrize("case", [2, 5])
+def test_the_process_in_c_is_off_the_one_in_numpy_by_what_rounding_does(case):
+    """With exact bearings rounding is amplified a million times: own positions off in their last bit show how much."""
+    target, rng = case_target(case), np.random.default_rng(0)
+    d = 2 if case == 2 else 3
+    prior = PositionPrior(np.zeros(d), mean=target.position(0.0) + 0.1, covariance=0.01 * np.eye(d))
+    numpy, bit, c = (
+        made(d, prior=prior, breaks=True)
+        for made in (GaussianProcessTracker, GaussianProcessTracker, CompiledGaussianProcessTracker)
+    )
+    by_rounding, by_c = [], []
+    for time in 0.1 * np.arange(40):
+        own = np.array([2.0 * math.sin(1.3 * time), 2.0 * math.cos(1.3 * time), 0.3 * math.sin(time)])[:d]
+        line = target.position(time) - own
+        for tracker, place in ((numpy, own), (bit, own * (1.0 + 2.2e-16 * rng.uniform(-1.0, 1.0, d))), (c, own)):
+            tracker.update(time, line / np.linalg.norm(line), place)
+        found = [tracker.predict(time + 0.1 * np.arange(12)).mean for tracker in (numpy, bit, c)]
+        by_rounding.append(np.abs(found[1] - found[0]).max())
+        by_c.append(np.abs(found[2] - found[0]).max())
+        assert len(c.window) == len(numpy.window)
+    assert 0.0 < np.median(by_c) < 10.0 * np.median(by_rounding)
+    assert max(by_c) < 10.0 * max(by_rounding)
+
+
 def test_the_filter_in_c_remembers_what_it_is_saved_with(tmp_path):
     config = gbt.load_config("case2", ["tracker.kind=ekf", "tracker.engine=compiled", "guidance.kind=random"])
     pilot = gbt.Pilot(config)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
 
+from gbt_ocp.models.evaluated import Evaluated
 from gbt_ocp.models.sizes import positive
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle
@@ -30,7 +30,7 @@ class InverseDynamics:
     def __init__(self, vehicle: Vehicle, period: float) -> None:
         n = vehicle.flat_dimension
         point = [ca.SX.sym(name, n) for name in ("z", "dz", "ddz")]
-        self._inputs = ca.Function("inputs", point, [vehicle.inputs(*point)])
+        self._inputs = Evaluated("inputs", point, [vehicle.inputs(*point)])
         self._range = ThrustRange.of(vehicle)
         self._dimension = vehicle.position_dimension
         self._period = positive("period", period)
@@ -39,8 +39,7 @@ class InverseDynamics:
         """Thrust ``(m,)`` for an acceleration ``(d,)`` in m/s² at the flat output ``(L, n)``, each input clipped."""
         whole = -flat[1] / self._period
         whole[: self._dimension] = acceleration
-        thrust = np.asarray(self._inputs(flat[0], flat[1], whole), dtype=float).ravel()
-        return self._range.clip(thrust)
+        return self._range.clip(self._inputs(flat[0], flat[1], whole))
 
     def reach_velocity(self, flat: Array, velocity: Array) -> Array:
         """Thrust ``(m,)`` that reaches a velocity ``(d,)`` in m/s within a period, as far as the limits allow."""

@@ -141,7 +141,9 @@ class PlannedMotion:
         What only the tracker can say is not there.
         """
         # an estimator without a covariance is taken at its word
-        covariance = np.nan_to_num(forecast.covariance, nan=0.0)
+        covariance = forecast.covariance
+        if not np.isfinite(covariance).all():
+            covariance = np.nan_to_num(covariance, nan=0.0)
         data: dict[str, Any] = {
             "forecast": Forecast(forecast.mean[self._stride :: self._stride], covariance[self._stride :: self._stride]),
             "desired": self.desired(self._ends(time)),

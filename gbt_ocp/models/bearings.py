@@ -145,10 +145,15 @@ def condition_number(matrix: ArrayLike) -> float:
 
     Returns infinity where the matrix is singular to working precision, as it is for a single bearing in 2D.
     """
-    values = np.linalg.eigvalsh(np.asarray(matrix, dtype=float))
-    if values[0] <= values[-1] * len(values) * np.finfo(float).eps:
-        return float("inf")
-    return float(values[-1] / values[0])
+    return float(condition_numbers(matrix))
+
+
+def condition_numbers(matrices: ArrayLike) -> Array:
+    """:func:`condition_number` of many matrices ``(..., d, d)``, one number ``(...)`` for each."""
+    values = np.linalg.eigvalsh(np.asarray(matrices, dtype=float))
+    least, largest = values[..., 0], values[..., -1]
+    singular = least <= largest * values.shape[-1] * np.finfo(float).eps
+    return np.asarray(np.where(singular, np.inf, largest / np.where(singular, 1.0, least)))
 
 
 @dataclass(frozen=True)
@@ -196,8 +201,9 @@ class DesiredBearing:
 
     def __call__(self, times: ArrayLike) -> Array:
         """Desired bearings ``(..., d)`` at the times ``(...)`` in seconds."""
-        angle = self.phase + self.rate * self.turned(times)
-        circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        angle = np.asarray(self.phase + self.rate * self.turned(times))
+        circle = np.empty((*angle.shape, 2))
+        circle[..., 0], circle[..., 1] = np.cos(angle), np.sin(angle)
         if self.dimension == 2:
             return circle
         axis = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)

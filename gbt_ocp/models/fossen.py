@@ -21,10 +21,12 @@ which Newton's method needs there. The force differs from ``|u| u`` by at most �
 
 def rotation(yaw: float, size: int) -> Array:
     """J(η): body to earth frame, a turn about the vertical; identity on heave and yaw. Returns ``(size, size)``."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    if size == 3:
+        return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     turn = np.eye(size)
-    turn[0, 0] = turn[1, 1] = np.cos(yaw)
-    turn[1, 0] = np.sin(yaw)
-    turn[0, 1] = -turn[1, 0]
+    turn[0, 0] = turn[1, 1] = c
+    turn[1, 0], turn[0, 1] = s, -s
     return turn
 
 
@@ -206,8 +208,8 @@ class FossenVehicle:
 
     def flat(self, state: ArrayLike) -> tuple[Array, Array]:
         """Flat output and rate: ``z = η``, ``ż = J ν``."""
-        eta, nu = np.split(np.asarray(state, dtype=float), 2)
-        return eta, rotation(eta[-1], len(eta)) @ nu
+        x, n = np.asarray(state, dtype=float), self.flat_dimension
+        return x[:n], rotation(x[n - 1], n) @ x[n:]
 
     def pose(self, state: ArrayLike) -> Array:
         """Position and yaw ``(n,)``."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gbt_ocp.typing import Array
 
@@ -32,6 +33,12 @@ class ThrustRange:
         lower = getattr(vehicle, "thrust_min", None)
         return cls(-upper if lower is None else np.asarray(lower, dtype=float), upper)
 
+    @cached_property
+    def _one_sided(self) -> NDArray[np.bool_] | None:
+        """Inputs that have no lower side ``(m,)``, if there are any."""
+        found = self.lower == 0.0
+        return found if found.any() else None
+
     def clip(self, thrust: ArrayLike, share: float = 1.0) -> Array:
         """The thrust ``(..., m)`` within a share of the range."""
         return np.asarray(np.clip(np.asarray(thrust, dtype=float), share * self.lower, share * self.upper))
@@ -42,6 +49,8 @@ class ThrustRange:
         Below a limit of 0 it counts in units of the other limit, from 1 on.
         """
         given = np.asarray(thrust, dtype=float)
-        one_sided = self.lower == 0.0
+        one_sided = self._one_sided
+        if one_sided is None:
+            return np.asarray(np.maximum(given / self.upper, given / self.lower))
         below = np.where(one_sided, 1.0 - given / self.upper, given / np.where(one_sided, -1.0, self.lower))
         return np.asarray(np.maximum(given / self.upper, np.where(one_sided & (given >= 0.0), 0.0, below)))

@@ -26,6 +26,9 @@ class Binding:
 
     def __init__(self, problem: PosedProblem) -> None:
         self.problem = problem
+        # isinstance with a protocol takes as long as a short plan, so it is asked once
+        self._moving = [c if isinstance(c, MovingConstraint) else None for c in problem.constraints]
+        self._moves = any(limit_size(constraint) for constraint in problem.constraints)
 
     def objective_parameters(self, data: Mapping[str, Any]) -> list[Array]:
         """Parameters of each objective, one endpoint a column ``(size, p)``.
@@ -45,13 +48,10 @@ class Binding:
         ValueError
             As :meth:`objective_parameters`.
         """
-        knots = self.problem.pieces + 1
-        if not any(limit_size(constraint) for constraint in self.problem.constraints):
+        if not self._moves:
             return []
-        return [
-            self._bound(constraint, knots, data) if isinstance(constraint, MovingConstraint) else np.zeros((0, knots))
-            for constraint in self.problem.constraints
-        ]
+        knots = self.problem.pieces + 1
+        return [np.zeros((0, knots)) if one is None else self._bound(one, knots, data) for one in self._moving]
 
     def _bound(self, term: AnyObjective | MovingConstraint, count: int, data: Mapping[str, Any]) -> Array:
         numbers = bound_numbers(term, self.problem.pieces, count, data)

@@ -7,6 +7,7 @@ import math
 import casadi as ca
 import numpy as np
 
+from gbt_ocp.models.evaluated import Evaluated
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.typing import Array
@@ -43,7 +44,7 @@ class DisturbanceObserver:
     def __init__(self, vehicle: Vehicle) -> None:
         n = vehicle.flat_dimension
         point = [ca.SX.sym(name, n) for name in ("z", "dz", "ddz")]
-        self._inputs = ca.Function("inputs", point, [vehicle.inputs(*point)])
+        self._inputs = Evaluated("inputs", point, [vehicle.inputs(*point)])
         self._range = ThrustRange.of(vehicle)
         self._dimension = vehicle.position_dimension
         self._before: tuple[Array, Array] | None = None
@@ -68,7 +69,7 @@ class DisturbanceObserver:
         for axis in range(self._dimension, len(z)):
             middle[axis] -= 0.5 * math.remainder(z[axis] - before[0][axis], 2.0 * math.pi)
         needed = self._inputs(middle, 0.5 * (before[1] + dz), (dz - before[1]) / passed)
-        excess = acted - np.asarray(needed, dtype=float).ravel()
+        excess = acted - needed
         if np.all(np.isfinite(excess)):
             moved = self.estimate + (1.0 - math.exp(-passed / TIME)) * (excess - self.estimate)
             self.estimate = self._range.clip(moved, MOST_SHARE)

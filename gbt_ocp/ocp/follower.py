@@ -7,6 +7,7 @@ import math
 import casadi as ca
 import numpy as np
 
+from gbt_ocp.models.evaluated import Evaluated
 from gbt_ocp.models.sizes import not_negative
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle
@@ -47,7 +48,7 @@ class Follower:
 
     def __init__(self, vehicle: Vehicle, bandwidth: float = BANDWIDTH) -> None:
         point = [ca.SX.sym(name, vehicle.flat_dimension) for name in ("z", "dz", "ddz")]
-        self._inputs = ca.Function("inputs", point, [vehicle.inputs(*point)])
+        self._inputs = Evaluated("inputs", point, [vehicle.inputs(*point)])
         self._range = ThrustRange.of(vehicle)
         self._dimension = vehicle.position_dimension
         self.bandwidth = not_negative("bandwidth", bandwidth)
@@ -72,7 +73,7 @@ class Follower:
             error[axis] = math.remainder(error[axis], 2.0 * math.pi)
         wanted = middle.ddz + 2.0 * self.bandwidth * (plan.dz - dz) + self.bandwidth**2 * error
         asked = self._inputs(z + (middle.z - plan.z), dz + (middle.dz - plan.dz), wanted)
-        return self._range.clip(np.asarray(asked, dtype=float).ravel())
+        return self._range.clip(asked)
 
 
 def samples(period: float) -> int:

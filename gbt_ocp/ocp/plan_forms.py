@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -50,9 +51,22 @@ class FlatPlans:
 
     def __init__(self, problem: ProblemData) -> None:
         self._problem = problem
-        self.scale, self.check = input_scale(problem), LimitCheck(problem)
-        self._brake = BrakingPlanner(problem)
-        self._objectives = [objective_total(problem, term) for term in problem.objectives]
+        self.scale = input_scale(problem)
+
+    # a solver that takes whole steps needs none of these three, which take longer to make than many plans
+
+    @cached_property
+    def check(self) -> LimitCheck:
+        """The limits on a fine grid."""
+        return LimitCheck(self._problem)
+
+    @cached_property
+    def _brake(self) -> BrakingPlanner:
+        return BrakingPlanner(self._problem)
+
+    @cached_property
+    def _objectives(self) -> list[ca.Function]:
+        return [objective_total(self._problem, term) for term in self._problem.objectives]
 
     def start(self, state: ArrayLike, acting: Array | None = None, expected: Array | None = None) -> Array:
         """Derivatives of the flat output now, as many as are continuous ``(k+1, n)``.
@@ -116,11 +130,19 @@ class ShotPlans:
 
     def __init__(self, problem: ShootingData) -> None:
         self._problem, self._shots = problem, Shots(problem)
-        self.scale, self.check = self._shots.form.scale, ShotCheck(self._shots)
-        self._objectives = [objective_total(problem, term) for term in problem.objectives]
+        self.scale = self._shots.form.scale
         form = self._shots.form
         self._resort = ca.Function("resort", [form.point], [form.resort])
         self._range = ThrustRange.of(problem.vehicle)
+
+    @cached_property
+    def check(self) -> ShotCheck:
+        """The limits on a fine grid."""
+        return ShotCheck(self._shots)
+
+    @cached_property
+    def _objectives(self) -> list[ca.Function]:
+        return [objective_total(self._problem, term) for term in self._problem.objectives]
 
     def start(self, state: ArrayLike, acting: Array | None = None, expected: Array | None = None) -> Array:
         """The state of the vehicle, from itself or from z and ż ``(2, n)``.

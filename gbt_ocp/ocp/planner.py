@@ -16,7 +16,7 @@ from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.plan_forms import cold_guess, plan_form
 from gbt_ocp.ocp.problem_data import PosedProblem, ProblemData, ShootingData
 from gbt_ocp.ocp.shot import ShotTrajectory
-from gbt_ocp.ocp.solvers.base import NO_PLAN, PlannerStep, PlansSteps, Solver
+from gbt_ocp.ocp.solvers.base import NO_PLAN, PlannerStep, PlansSteps, ReadsMoments, Solver
 from gbt_ocp.ocp.solvers.choice import make_solver
 from gbt_ocp.ocp.solvers.compiled import CompiledSolver
 from gbt_ocp.ocp.trajectory import FlatTrajectory
@@ -63,6 +63,7 @@ class AnyPlanner:
         self.solver = solver
         self._steps = solver if isinstance(solver, PlansSteps) else Ladder(problem, solver)
         self._names = limit_names(problem)
+        self._reads = self._steps.reads if isinstance(self._steps, ReadsMoments) else None
         self._binding = Binding(problem)
         self._form = plan_form(problem)
         self._previous: FlatTrajectory | ShotTrajectory | None = None
@@ -155,14 +156,17 @@ class AnyPlanner:
         """The plan of a step that is taken in this way."""
         start = self.start(state)
         given = {"forecast": forecast, "desired": desired, **data}
-        parameters = self._binding.objective_parameters(given)
-        limits = self._binding.limit_parameters(given)
+        parameters: list[Array] = []
+        limits: list[Array] = []
+        if self._reads is None or not self._reads(given):
+            parameters = self._binding.objective_parameters(given)
+            limits = self._binding.limit_parameters(given)
         step = take(start, parameters, limits, given)
         if step.fallback == NO_PLAN:
             raise ValueError("state or data: found numbers so large that no plan is finite; allowed: smaller ones")
         trajectory = self._form.trajectory(start, step.top)
         self._previous, self._last_step, self._acting = trajectory, trajectory, None
-        objective = self.objective(trajectory, parameters)
+        objective = self.objective(trajectory, parameters) if step.objective is None else step.objective
         rest = {"objective": objective, "solve_time": perf_counter() - began}
         plan: Plan | ShootingPlan = self._form.plan(trajectory, step, self._named, **rest)
         return plan

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import factorial
 from typing import Any, NamedTuple
 
@@ -51,6 +51,40 @@ def propagate(derivatives: Sequence[Any], free: Sequence[Any], time: float) -> l
             value = value + terms[later] * (time ** (later - order) / factorial(later - order))
         out.append(value)
     return out
+
+
+def _propagated(terms: list[list[float]], shares: Sequence[float]) -> list[list[float]]:
+    """:func:`propagate` of numbers, of which there are so few that arrays of them take several times as long."""
+    out = []
+    for order, value in enumerate(terms):
+        for share, later in zip(shares, terms[order + 1 :], strict=False):
+            value = [here + more * share for here, more in zip(value, later, strict=True)]
+        out.append(value)
+    return out
+
+
+@lru_cache(maxsize=64)
+def _taylor(degree: int, time: float) -> tuple[float, ...]:
+    """``time^k / k!`` for k = 1 … L."""
+    return tuple(time**power / factorial(power) for power in range(1, degree + 1))
+
+
+@lru_cache(maxsize=16)
+def _inverse_factorials(degree: int) -> Array:
+    """1/k! for k = 0 … L ``(L+1, 1)``."""
+    return np.array([[1.0 / factorial(order)] for order in range(degree + 1)])
+
+
+@lru_cache(maxsize=64)
+def _grid(period: float, degree: int, points: int) -> tuple[tuple[Array, Array], ...]:
+    """For z, ż and z̈: powers of the times of an even grid ``(points, L+1-k)``, and what multiplies coefficients."""
+    powers = np.linspace(0.0, period, points)[:, None] ** np.arange(degree + 1)
+    found = []
+    for order in range(3):
+        # d/ds of s^k lowers the power and multiplies by it
+        scale = np.array([[factorial(k) / factorial(k - order)] for k in range(order, degree + 1)])
+        found.append((powers[:, : degree + 1 - order], scale))
+    return tuple(found)
 
 
 SETTLING_GAINS = ((1.0,), (1.0, 3 / 2), (1.0, 2.0, 11 / 6), (1.0, 5 / 2, 35 / 12, 25 / 12))
@@ -140,7 +174,7 @@ class FlatTrajectory:
             derivatives = propagate(derivatives, [top[-1]], period)[:degree]
         return cls(period, start, np.array(top))
 
-    @property
+    @cached_property
     def degree(self) -> int:
         """L, the degree of the polynomials."""
         return len(self.start) + int(self.top.shape[1]) // int(self.start.shape[1]) - 1
@@ -164,9 +198,10 @@ class FlatTrajectory:
     @cached_property
     def knots(self) -> Array:
         """Derivatives 0 … k, the continuous ones, at the piece boundaries ``(p+1, k+1, n)``."""
-        knots = [self.start]
-        for free in self._free:
-            knots.append(np.array(propagate(list(knots[-1]), list(free), self.period)[: len(self.start)]))
+        joined, shares = len(self.start), _taylor(self.degree, self.period)
+        knots = [self.start.tolist()]
+        for free in self._free.tolist():
+            knots.append(_propagated([*knots[-1], *free], shares)[:joined])
         return np.array(knots)
 
     @property
@@ -177,22 +212,17 @@ class FlatTrajectory:
     @cached_property
     def coefficients(self) -> Array:
         """c_i of ``eq31``: coefficients of 1, s, …, s^L of each piece ``(p, L+1, n)``."""
-        scale: Array = np.array([1.0 / factorial(order) for order in range(self.degree + 1)])
-        return np.concatenate([self.knots[:-1], self._free], axis=1) * scale[None, :, None]
+        knots = self.start[None] if len(self.top) == 1 else self.knots[:-1]
+        return np.concatenate([knots, self._free], axis=1) * _inverse_factorials(self.degree)
 
     def sample(self, points: int) -> FlatPoint:
         """z, ż, z̈ on an even grid of ``points`` times a piece, both ends included; each ``(p, points, n)``.
 
         The ends of neighbouring pieces are both there, since what is not continuous jumps between them.
         """
-        powers = np.linspace(0.0, self.period, points)[:, None] ** np.arange(self.degree + 1)
         coefficients = self.coefficients
-        values = []
-        for order in range(3):
-            # d/ds of s^k lowers the power and multiplies by it
-            scale = np.array([factorial(k) / factorial(k - order) for k in range(order, self.degree + 1)])
-            values.append(powers[:, : self.degree + 1 - order] @ (coefficients[:, order:] * scale[None, :, None]))
-        return FlatPoint(*values)
+        grid = _grid(self.period, self.degree, points)
+        return FlatPoint(*(powers @ (coefficients[:, k:] * scale) for k, (powers, scale) in enumerate(grid)))
 
     def __call__(self, times: ArrayLike, order: int = 0) -> Array:
         """The flat output, or its derivative of that order, at times in [0, p T]: ``(..., n)``.
@@ -215,20 +245,33 @@ class FlatTrajectory:
 
     def step(self, since: float, until: float) -> Array:
         """How far z, ż and z̈ go between two times ``(3, n)``."""
-        return self._values(until) - self._values(since)
+        (piece, begin), (last, end) = self._powers(since), self._powers(until)
+        if piece != last:
+            return self._values(until) - self._values(since)
+        values: Array = np.dot([b - a for a, b in zip(begin, end, strict=True)], self._derivatives(piece))
+        return values
 
     def _values(self, time: float) -> Array:
         """z, ż, z̈ at one time ``(3, n)``."""
+        piece, powers = self._powers(time)
+        values: Array = np.dot(powers, self._derivatives(piece))
+        return values
+
+    def _powers(self, time: float) -> tuple[int, list[float]]:
+        """The piece of a time, and the powers 1, s, …, s^L of the time s since that piece began."""
         piece = min(max(int((time / self.period + 1e-9) // 1.0), 0), len(self.top) - 1)
+        s, power, powers = time - piece * self.period, 1.0, []
+        for _ in range(self.degree + 1):
+            powers.append(power)
+            power *= s
+        return piece, powers
+
+    def _derivatives(self, piece: int) -> Array:
+        """What :meth:`_derivatives_of` gives, kept."""
         derived = self._derived.get(piece)
         if derived is None:
             derived = self._derived[piece] = self._derivatives_of(piece)
-        s, power, powers = time - piece * self.period, 1.0, []
-        for _ in range(derived.shape[1]):
-            powers.append(power)
-            power *= s
-        values: Array = np.dot(powers, derived)
-        return values
+        return derived
 
     @cached_property
     def _derived(self) -> dict[int, Array]:
@@ -259,9 +302,11 @@ class FlatTrajectory:
             raise ValueError(
                 f"duration: found {duration}; allowed: at most {self.period - inside}, the rest of a piece"
             )
-        derivatives = propagate(list(self.knots[piece]), list(self._free[piece]), inside)
+        begin_of_piece = self.start if piece == 0 else self.knots[piece]
+        terms = [*begin_of_piece.tolist(), *self._free[piece].tolist()]
         joined = len(self.start)
-        return FlatTrajectory(duration, np.array(derivatives[:joined]), np.concatenate(derivatives[joined:])[None])
+        derivatives = np.array(_propagated(terms, _taylor(self.degree, inside)))
+        return FlatTrajectory(duration, derivatives[:joined], derivatives[joined:].reshape(1, -1))
 
     def after(self, begin: float, duration: float) -> Array:
         """The continuous derivatives ``(k+1, n)`` so many seconds after ``begin``, in whatever piece that is."""

@@ -46,7 +46,7 @@ class _InC(StateInC):
 
     def take(self, sighting: Sighting, takes: tuple[MeasurementKind, ...], name: str) -> None:
         """Take in a measurement of a kind that the tracker of this name takes."""
-        checked_sighting(sighting, takes, name, self._dimension, self.taken, sized=False)
+        checked_sighting(sighting, takes, name, self._dimension, self.taken)
         if sighting.platform:
             raise ValueError(
                 f"platform: found '{sighting.platform}'; allowed with tracker.engine compiled: the own one"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -13,6 +14,7 @@ from gbt_ocp.pilot.state_in_c import StateInC
 from gbt_ocp.pilot.tracker_source import tracker_in_c
 from gbt_ocp.tracking.gp.breaks import Break
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
+from gbt_ocp.tracking.gp.posterior import Hyperparameters, Posterior, raised
 from gbt_ocp.tracking.priors import PositionPrior
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import Measurements
@@ -24,8 +26,8 @@ _WAITS, _BROKEN = 2, 3  # gbt_gp_taken
 class CompiledGaussianProcessTracker(GaussianProcessTracker):
     """:class:`~gbt_ocp.tracking.gp.gp.GaussianProcessTracker` that is tuned, and predicts, by the C of a pilot.
 
-    The window is kept on both sides; what is reported of the posterior beside forecasts comes from numpy. The library
-    is compiled once and kept in the user's cache.
+    The window is kept on both sides. The posterior in numpy is made where it is asked for, which the loop does not do.
+    The library is compiled once and kept in the user's cache.
 
     Parameters
     ----------
@@ -39,6 +41,8 @@ class CompiledGaussianProcessTracker(GaussianProcessTracker):
     gbt_ocp.ocp.codegen.library.CompilerError
         If there is no working C compiler.
     """
+
+    _theta: Hyperparameters | None
 
     def __init__(
         self,
@@ -65,7 +69,8 @@ class CompiledGaussianProcessTracker(GaussianProcessTracker):
             prior=prior,
             breaks=breaks,
         )
-        self._c = StateInC(tracker_in_c(self), dimension, 1, ("begin", "predict"))
+        self._c = StateInC(tracker_in_c(self), dimension, 1, ("begin",))
+        self._tunable = len(self._tuning.search[2])
         self._c.call("begin", self._prior.start)
 
     def _judged(self, time: float, bearing: Array, own: Array) -> tuple[Break | None, bool]:
@@ -75,20 +80,53 @@ class CompiledGaussianProcessTracker(GaussianProcessTracker):
             return None, answer == _WAITS
         d = self.dimension
         # known_mean, known_axis, known_variance, start, centre, log_theta are the last numbers of the memory
-        known = self._c.state[: -2 * d - len(self._tuning.search[2])][-d * (d + 2) :]
+        known = self._c.state[: -2 * d - self._tunable][-d * (d + 2) :]
         return Break(known[:d].copy(), math.sqrt(known[-1])), False
 
-    def _tune(self, measurements: Measurements) -> None:
+    def _fit(self) -> None:
         if not self._added:
             time, bearing, own = self.window.latest
             self._c.call("add", ctypes.c_double(time), bearing, own)
         self._added = False
-        self._tuning.found(self._c.state[-len(self._tuning.search[2]) :].copy())
+        self._tuning.found(self._c.state[-self._tunable :].copy())
+        self._posterior, self._theta = None, None
+
+    def _forget_tuning(self) -> None:
+        super()._forget_tuning()
+        self._theta = None
+
+    def _condition(self, measurements: Measurements) -> Posterior:
+        self._posterior, _ = self._conditioned(measurements)  # C has counted its own retries
+        return self._posterior
 
     def predict(self, times: ArrayLike) -> Forecast:
         """As :meth:`GaussianProcessTracker.predict`."""
         asked = np.asarray(times, dtype=float)
         d = self.dimension
         mean, covariance = np.empty((len(asked), d)), np.empty((len(asked), d, d))
-        self._c.call("predict", asked, ctypes.c_int(len(asked)), mean, covariance)
+        retries = self._c.call("predict", asked, ctypes.c_int(len(asked)), mean, covariance)
+        if self._theta is None:
+            self._theta = self._needed(retries)
         return Forecast(mean, covariance)
+
+    @property
+    def hyperparameters(self) -> Hyperparameters:
+        """θ, with the nugget that the last factorisation needed."""
+        if self._theta is None:
+            self.predict(())
+            assert self._theta is not None, "a prediction sets it"
+        return self._theta
+
+    def _needed(self, retries: int) -> Hyperparameters:
+        """θ with a nugget that was raised so often."""
+        self.nugget_retries += retries
+        theta = self._tuning.hyperparameters
+        nugget = theta.nugget
+        for _ in range(retries):
+            nugget = raised(nugget)
+        return replace(theta, nugget=nugget) if retries else theta
+
+    @property
+    def prior_covariance(self) -> Array:
+        """Prior covariance of the position at any time under θ ``(d, d)`` in m²."""
+        return np.asarray(math.exp(2.0 * self.hyperparameters.log_amplitude) * np.eye(self.dimension))

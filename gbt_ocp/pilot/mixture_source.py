@@ -18,7 +18,7 @@ from gbt_ocp.tracking.held.held_turn import (
 )
 from gbt_ocp.tracking.mixture import MixtureTracker
 from gbt_ocp.tracking.noise import BearingNoise
-from gbt_ocp.tracking.priors import PositionPrior
+from gbt_ocp.tracking.priors import LogNormal, PositionPrior
 
 MEMBERS_IN_C = ("held_turn", "imm_ekf")
 """Members of a mixture by their numbers in C."""
@@ -69,6 +69,14 @@ def first_guess_in_c(guess: FirstGuess, bearing_std: float) -> dict[str, Any]:
     }
 
 
+def size_in_c(size: LogNormal | None) -> dict[str, Any]:
+    """The fields of what is known of the target's size; nothing reads them where it is not estimated."""
+    return {
+        "log_size": 0.0 if size is None else math.log(size.median),
+        "log_size_std": 0.0 if size is None else size.log_std,
+    }
+
+
 def held_turn_in_c(tracker: HeldTurnTracker, samples: Callable[[float], int]) -> Source:
     """A tracker by held turn rates that has seen nothing.
 
@@ -89,6 +97,7 @@ def held_turn_in_c(tracker: HeldTurnTracker, samples: Callable[[float], int]) ->
             "hold": prior.hold,
             "speed_time": prior.speed_time,
             "climb_std": prior.climb_std,
+            **size_in_c(prior.size),
             "turn_std": np.array(prior.turn_stds, dtype=float),
             "speed_std": np.array(prior.speed_stds, dtype=float),
         },
@@ -98,7 +107,7 @@ def held_turn_in_c(tracker: HeldTurnTracker, samples: Callable[[float], int]) ->
         **known_position(position),
     }
     sizes = {
-        "SIZED": 0,
+        "SIZED": int(prior.size is not None),
         "BINS": _bins_kept(bins, noise),
         "BIN_SAMPLES": samples(bins.width),
         "OTHERS": samples(bins.width),
@@ -115,7 +124,7 @@ def _models(binned: BinnedFilter) -> dict[str, Any]:
     imm, noise, bins = binned.settings
     if not isinstance(imm, ImmExtendedTracker):
         raise ValueError(f"tracker.members: found one that is a {type(imm).__name__}; allowed in C: {_BOTH}")
-    guess, models, bearing_std, _ = imm.settings
+    guess, models, bearing_std, size = imm.settings
     variance, process, jerk, stay, turn = models.settings
     return {
         "filter": {
@@ -125,6 +134,7 @@ def _models(binned: BinnedFilter) -> dict[str, Any]:
                 "jerk_noise": jerk,
                 "stay": stay,
                 "turn_rate_max": turn,
+                **size_in_c(size),
             },
             "guess": first_guess_in_c(guess, bearing_std),
         },

@@ -6,13 +6,12 @@ import ctypes
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
-from gbt_ocp.ocp.codegen.library import kernel_files
-from gbt_ocp.pilot.mixture_source import first_guess_in_c, held_turn_in_c, known_position, mixture_in_c
+from gbt_ocp.ocp.codegen.library import c_texts, kernel_files
+from gbt_ocp.pilot.mixture_source import first_guess_in_c, held_turn_in_c, known_position, mixture_in_c, size_in_c
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
@@ -118,12 +117,7 @@ class TrackerInC:
 
 def pilot_texts() -> dict[str, str]:
     """The hand-written C files of the pilot and of all trackers, by name."""
-    folder = files("gbt_ocp.pilot") / "c"
-    return {
-        entry.name: entry.read_text(encoding="utf-8")
-        for entry in sorted(folder.iterdir(), key=lambda entry: entry.name)
-        if entry.name.endswith((".c", ".h"))
-    }
+    return dict(c_texts("gbt_ocp.pilot", "c"))
 
 
 def tracker_in_c(
@@ -172,8 +166,7 @@ def extended_in_c(guess: FirstGuess, process_noise: float, bearing_std: float, s
     """An extended Kalman filter as C, by its parameters."""
     settings = {
         "process_noise": process_noise,
-        "log_size": 0.0 if size is None else math.log(size.median),
-        "log_size_std": 1.0 if size is None else size.log_std,
+        **size_in_c(size),
         "guess": first_guess_in_c(guess, bearing_std),
     }
     return TrackerInC("ekf", settings, {"SIZED": int(size is not None), "BLOCKS_OF_STATE": 2})
@@ -235,8 +228,7 @@ def _motion(tracker: MotionShapeTracker, samples: int, others: int) -> TrackerIn
             "correlated_std": noise.correlated_std,
             "correlation_time": noise.correlation_time,
             "own_std": noise.own_std,
-            "log_size": 0.0 if size is None else math.log(size.median),
-            "log_size_std": 0.0 if size is None else size.log_std,
+            **size_in_c(size),
         },
         "binning": {"width": bins.width, "window": bins.window, "stray": bins.stray},
         "update": update,

@@ -7,6 +7,7 @@ import math
 import casadi as ca
 import numpy as np
 
+from gbt_ocp.models.evaluated import Evaluated
 from gbt_ocp.models.sizes import positive
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle
@@ -36,7 +37,7 @@ class Autopilot:
 
     def __init__(self, vehicle: Vehicle, lag: float) -> None:
         point = [ca.SX.sym(name, vehicle.flat_dimension) for name in ("z", "dz", "ddz")]
-        self._inputs = ca.Function("inputs", point, [vehicle.inputs(*point)])
+        self._inputs = Evaluated("inputs", point, [vehicle.inputs(*point)])
         self._range = ThrustRange.of(vehicle)
         self._dimension = vehicle.position_dimension
         self._lag = positive("lag", lag)
@@ -52,4 +53,4 @@ class Autopilot:
             asked[2] += (setpoint.pose[2] - z[2]) / lag**2
         if len(z) > d:
             asked[d] += math.remainder(setpoint.heading - z[d], 2.0 * math.pi) / lag**2
-        return self._range.clip(np.asarray(self._inputs(z, through, asked), dtype=float).ravel())
+        return self._range.clip(self._inputs(z, through, asked))

@@ -30,6 +30,10 @@ NAMED = ("axis", "pose", "body", "input")
 """Axes whose entries have names: along them an array is spread over several columns of a table."""
 
 
+def _as_it_is(rows: NDArray[Any]) -> NDArray[Any]:
+    return rows
+
+
 @dataclass(frozen=True)
 class Column:
     """One recorded array.
@@ -55,6 +59,10 @@ class Column:
         Whether a file may lack the array, as files do that are older than it. It is then read as unknown.
     name
         Its name in ``history.npz`` and as an attribute of the history.
+    rows
+        Names of the axes of what is read of a step; those of the array but ``t``, unless it is finished.
+    finish
+        Computes the array from what was read of all steps, one a row: for that at once takes less time than for each.
     """
 
     axes: tuple[str, ...]
@@ -66,6 +74,8 @@ class Column:
     clock: bool
     optional: bool
     name: str = ""
+    rows: tuple[str, ...] = ()
+    finish: Callable[[NDArray[Any]], NDArray[Any]] = _as_it_is
 
     @property
     def shape(self) -> str:
@@ -90,6 +100,7 @@ def column(
     table: Mapping[str, Callable[[Any], Any]] | None = None,
     clock: bool = False,
     optional: bool = False,
+    finished: tuple[str, Callable[[NDArray[Any]], NDArray[Any]]] | None = None,
 ) -> Any:
     """Declare an array of a :func:`recorded` class.
 
@@ -102,11 +113,15 @@ def column(
     table
         See :class:`Column`. By default a table shows the array itself under its own name, if it has one number a step
         or one for each entry of a named axis.
+    finished
+        Names of the axes of what ``read`` gives, with spaces between them, and what makes the array of all of that.
     """
     names = tuple(axes.split())
     if table is None:
         table = {"": lambda array: array} if len(names) == 1 or (len(names) == 2 and names[1] in NAMED) else {}
-    return field(metadata={"column": Column(names, read, units, meaning, kind, table, clock, optional)})
+    rows, finish = (names[1:], _as_it_is) if finished is None else (tuple(finished[0].split()), finished[1])
+    made = Column(names, read, units, meaning, kind, table, clock, optional, rows=rows, finish=finish)
+    return field(metadata={"column": made})
 
 
 Class = TypeVar("Class")

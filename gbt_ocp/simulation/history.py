@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gbt_ocp.files import read_arrays
+from gbt_ocp.models.bearings import condition_numbers
 from gbt_ocp.ocp.plan import ANSWERED
 from gbt_ocp.ocp.solvers.base import GIVEN_UP
 from gbt_ocp.simulation import readings
@@ -97,7 +98,8 @@ class History:
     )
     condition_number: Array = column(
         "t",
-        readings.condition,
+        readings.bearing_matrix,
+        finished=("axis axis_", condition_numbers),
         meaning="Condition number of the cumulative bearing matrix of the window, infinite while it is singular",
     )
     bound: Array = column(

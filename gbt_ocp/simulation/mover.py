@@ -13,6 +13,7 @@ import numpy as np
 
 from gbt_ocp.models.driven import DrivenBody
 from gbt_ocp.models.dynamics import Dynamics
+from gbt_ocp.models.evaluated import Evaluated
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle, acceleration
 from gbt_ocp.ocp.follower import BANDWIDTH, samples
@@ -125,24 +126,28 @@ class Mover:
             if autopilot is not None:
                 raise ValueError("command: found setpoint beside a vehicle that is not flat; allowed: thrust")
             dynamics, state = Dynamics(vehicle), ca.SX.sym("state", vehicle.states)
-            self._accelerated = ca.Function("accelerated", [state, held], [dynamics.point(state, held)[2]])
+            self._accelerated = Evaluated("accelerated", [state, held], [dynamics.point(state, held)[2]])
             return
         self._follower = PlanFollower(vehicle, bandwidth, thrust_lag)
         self._held = 0.0
         self._autopilot = None if autopilot is None else Autopilot(vehicle, autopilot)
-        self._thrust_at = ca.Function("thrust", [z, dz, ddz], [vehicle.inputs(z, dz, ddz)])
-        self._thrust = self._thrust_at.map(GRID)
-        if gives_power(vehicle):
-            velocity = ca.Function("velocity", [z, dz], [vehicle.body_velocity(z, dz)])  # type: ignore[attr-defined]
-            self._velocity = velocity.map(GRID)
-        self._accelerated = ca.Function("accelerated", [z, dz, held], [acceleration(vehicle, z, dz, held)])
+        inputs = vehicle.inputs(z, dz, ddz)
+        self._thrust_at = Evaluated("thrust", [z, dz, ddz], [inputs])
+        # where a plan is followed exactly, its power is known on the same grid
+        power: Any = ca.SX(0, 1)
+        if follow == "exact" and gives_power(vehicle):
+            power = ca.sum1(ca.fabs(inputs * vehicle.body_velocity(z, dz)))  # type: ignore[attr-defined]
+        self._thrust = Evaluated("thrust", [z, dz, ddz], [inputs, power], GRID)
+        self._accelerated = Evaluated("accelerated", [z, dz, held], [acceleration(vehicle, z, dz, held)])
 
     def follow(self, state: Array, plan: Plan) -> Move:
         """Execute a plan for one period, from what has elapsed of it."""
         piece = plan.trajectory.segment(plan.elapsed, self._period)
-        water = np.zeros(self._vehicle.position_dimension) if plan.current is None else plan.current
-        through = piece.moving(-water)
-        thrust = np.asarray(self._thrust(*(values[0].T for values in through.sample(GRID)))).T
+        water, through = np.zeros(self._vehicle.position_dimension), piece
+        if plan.current is not None:
+            water = plan.current
+            through = piece.moving(-water)
+        thrust, powers = self._thrust.all(*(values[0] for values in through.sample(GRID)))
         peak = np.max(self._range.used(thrust), axis=0)
         clipped = bool(peak.max() > 1.0 + ROUND_OFF)
         if self._autopilot is not None:
@@ -154,12 +159,11 @@ class Mover:
             end = piece.knots[1]
             mean = np.asarray(thrust.mean(axis=0))
             reached = self._vehicle.state(end[0], end[1])
-            power = self._power(through, thrust)
+            power = float(powers.mean()) if powers.size else float("nan")
             return Move(end, reached, thrust[0], peak, off_plan=0.0, thrust_mean=mean, power=power)
 
         def applied(s: float) -> Array:
-            wanted = np.asarray(self._thrust_at(*through.point(s))).ravel()
-            return self._range.clip(wanted)
+            return self._range.clip(self._thrust_at(*through.point(s)))
 
         before = self._motion.work
         reached = self._motion.advance(state, applied, self._period)
@@ -206,7 +210,7 @@ class Mover:
     def _change(self, state: Array, z: Array, dz: Array, thrust: Array) -> Array:
         """z̈ ``(n,)`` under inputs; zero where it is no number, as where a flatness map is singular."""
         point = (state,) if isinstance(self._vehicle, DrivenBody) else (z, dz)
-        ddz = np.asarray(self._accelerated(*point, thrust)).ravel()
+        ddz = self._accelerated(*point, thrust)
         return np.where(np.isfinite(ddz), ddz, 0.0)
 
     def place(self, state: Array, position: Array) -> Move:
@@ -222,7 +226,9 @@ class Mover:
 
     def _is_on(self, state: Array, piece: FlatTrajectory) -> bool:
         """Whether the vehicle is where the piece begins: after a clipped piece it is not."""
-        return bool(np.abs(np.vstack(self._vehicle.flat(state)) - piece.start[:2]).max() <= ON_PLAN)
+        z, dz = self._vehicle.flat(state)
+        begin = piece.start
+        return bool(np.abs(z - begin[0]).max() <= ON_PLAN and np.abs(dz - begin[1]).max() <= ON_PLAN)
 
     def _led_back(self, state: Array, piece: FlatTrajectory, water: Array, clipped: bool) -> Move:
         """Follow a piece with feedback, in the frame of the water."""
@@ -253,14 +259,6 @@ class Mover:
             asked.append(thrust(*self._vehicle.flat(state)))
             state = self._motion.advance(state, lambda s, held=asked[-1]: held, step)  # type: ignore[misc]
         return state, np.array(asked), (self._motion.work - before) / self._period
-
-    def _power(self, through: FlatTrajectory, thrust: Array) -> float:
-        """Mean power in W of a thrust ``(GRID, m)`` along a piece through the water."""
-        if not gives_power(self._vehicle):
-            return float("nan")
-        z, dz = through.sample(GRID)[:2]
-        velocity = np.asarray(self._velocity(z[0].T, dz[0].T)).T
-        return float(np.sum(np.abs(thrust * velocity), axis=1).mean())
 
     def _moved(
         self, state: Array, piece: FlatTrajectory, thrust: Array, peak: Array, clipped: bool, mean: Array, power: float

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gbt_ocp.models.bearings import condition_number, cumulative_bearing_matrix
+from gbt_ocp.models.bearings import cumulative_bearing_matrix
+from gbt_ocp.models.fossen import FossenVehicle
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.simulation.step import Step
 from gbt_ocp.tracking.protocol import GaussianProcess
@@ -43,16 +44,19 @@ def bearing(step: Step) -> Array:
     return np.full(step.target.shape[1], np.nan) if step.bearing is None else step.bearing
 
 
-def condition(step: Step) -> float:
-    """Condition number of the window's bearings, infinite without any."""
-    return condition_number(cumulative_bearing_matrix(step.window)) if step.window else np.inf
+def bearing_matrix(step: Step) -> Array:
+    """Cumulative bearing matrix of the window ``(d, d)``, zero without any bearing."""
+    return cumulative_bearing_matrix(step.window) if step.window else np.zeros((step.target.shape[1],) * 2)
 
 
 def planned_poses(step: Step) -> ArrayLike:
     """The ends of the pieces as poses: the flat output of a vehicle need not be one."""
     if step.plan is None:
         return np.zeros((0, step.vehicle.position_dimension + 1))
-    return [step.vehicle.pose(step.vehicle.state(end[0], end[1])) for end in step.plan.knots[1:]]
+    ends = step.plan.knots[1:]
+    if type(step.vehicle) is FossenVehicle:
+        return ends[:, 0]  # the same, without a state for each
+    return [step.vehicle.pose(step.vehicle.state(end[0], end[1])) for end in ends]
 
 
 def unknown_axes(step: Step) -> Array:

@@ -84,4 +84,5 @@ class Step:
     @cached_property
     def error(self) -> Array:
         """Tracking error at T_k ``(n+1,)`` in metres."""
-        return np.asarray(np.linalg.norm(self.forecast.mean - self.target, axis=1))
+        off = self.forecast.mean - self.target
+        return np.asarray(np.sqrt(np.add.reduce(off * off, axis=1)))

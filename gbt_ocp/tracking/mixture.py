@@ -176,7 +176,7 @@ class MixtureTracker(RestartingTracker):
         ValueError
             If the kind is not taken or the measurement is out of order; the tracker is then unchanged.
         """
-        checked_sighting(sighting, self.takes, "mixture", self.dimension, self._last, sized=False)
+        checked_sighting(sighting, self.takes, "mixture", self.dimension, self._last)
         parts = parts_of(sighting, self._noise.std)
         self._note(sighting.time, self._own if parts.platform else sighting.position)
         if parts.bearing is not None and not parts.platform:

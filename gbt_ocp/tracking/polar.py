@@ -66,8 +66,6 @@ def checked_sighting(
     name: str,
     dimension: int,
     latest: float | None,
-    *,
-    sized: bool = True,
 ) -> None:
     """Refuse a measurement that a tracker cannot take.
 
@@ -83,8 +81,6 @@ def checked_sighting(
         d.
     latest
         Time of its latest measurement in seconds; an equal time is another sensor's.
-    sized
-        Whether it takes sizes where there is a prior of the true one.
 
     Raises
     ------
@@ -94,7 +90,7 @@ def checked_sighting(
     """
     kind = sighting.kind
     if kind not in takes:
-        why = "; the size needs a prior" if kind == "size" and "range" in takes and sized else ""
+        why = "; the size needs a prior" if kind == "size" and "range" in takes else ""
         raise ValueError(f"kind: found '{kind}'; {name} takes {', '.join(takes)}{why}")
     if sighting.position.shape != (dimension,):
         raise ValueError(f"position: found {sighting.position.size} numbers; allowed: {dimension}")

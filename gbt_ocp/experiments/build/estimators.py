@@ -7,16 +7,15 @@ when the first one is called.
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 from gbt_ocp.experiments.build.mixture_members import mixture_member
 from gbt_ocp.experiments.build.noise import bearing_noise, noise_of
+from gbt_ocp.experiments.build.priors import range_prior, size_prior, speed_prior
+from gbt_ocp.experiments.build.tracker_engine import by_engine, gp_in_c, held_turn_in_c, mixture_in_c
 from gbt_ocp.experiments.config import tracker as sections
 from gbt_ocp.experiments.config.noise import NoisyBearingsSection, filter_std
 from gbt_ocp.models.sensors import BearingSensor
-from gbt_ocp.ocp.codegen.library import CompilerError, find_compiler
 from gbt_ocp.pilot.mixture_source import MEMBERS_IN_C
 from gbt_ocp.tracking.displacement.hypotheses import MotionPriors
 from gbt_ocp.tracking.displacement.tracker import NoisyGaussianProcessTracker
@@ -49,26 +48,22 @@ def gaussian_process(
     """Kind ``gp``: for exact bearings, or for noisy ones where ``noise`` says so."""
     noise = noise_of(section, sensor)
     if noise is not None:
-        return _noisy(noise, prior, sensor, _size_prior(section.size))
-    made = GaussianProcessTracker
-    if section.engine == "compiled":
-        from gbt_ocp.pilot.compiled_gp import CompiledGaussianProcessTracker as made  # noqa: N813
-    return made(
-        len(prior.start),
-        window=section.window,
-        kernel=section.kernel,
-        centre=section.centre,
-        length_scale=_tuned(section.length_scale),
-        amplitude=_tuned(section.amplitude),
-        nugget=_tuned(section.nugget),
-        prior=prior,
-        breaks=section.nugget == "tuned",  # the paper's nugget is fixed, and its window is what it is
-    )
+        return _noisy(noise, prior, sensor, size_prior(section.size))
 
+    def made(tracker: type[GaussianProcessTracker]) -> GaussianProcessTracker:
+        return tracker(
+            len(prior.start),
+            window=section.window,
+            kernel=section.kernel,
+            centre=section.centre,
+            length_scale=_tuned(section.length_scale),
+            amplitude=_tuned(section.amplitude),
+            nugget=_tuned(section.nugget),
+            prior=prior,
+            breaks=section.nugget == "tuned",  # the paper's nugget is fixed, and its window is what it is
+        )
 
-def _size_prior(size: tuple[float, ...] | None) -> LogNormal | None:
-    """What is known of the true size, from its median and the share by which it may differ."""
-    return None if size is None else LogNormal(*size)
+    return by_engine(section.engine, GaussianProcessTracker, gp_in_c, made)
 
 
 def _noisy(
@@ -116,8 +111,8 @@ def coregionalized(
 def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: BearingSensor) -> MotionShapeTracker:
     """Kind ``motion_gp``."""
     shape = ShapePrior(
-        speed=LogNormal(section.speed.median, section.speed.log_std),
-        range=LogNormal(section.range.median_m, section.range.log_std),
+        speed=speed_prior(section),
+        range=range_prior(section),
         kernel=section.turn_kernel,
         turn_stds=section.turn_rate_std,
         turn_times=section.turn_time_s,
@@ -126,12 +121,10 @@ def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: Bearing
     )
     made: type[MotionShapeTracker] = MotionShapeTracker
     own: dict[str, Any] = {}
-    if isinstance(section, sections.MotionSection):
-        own["size"] = _size_prior(section.size)
-        if section.engine == "compiled":
-            from gbt_ocp.pilot.compiled_motion import CompiledMotionTracker as made  # noqa: N813
+    if isinstance(section, sections.MotionSection) and section.engine == "compiled":
+        from gbt_ocp.pilot.compiled_motion import CompiledMotionTracker as made  # noqa: N813
 
-            own["horizon"] = section.forecast * (section.forecast_period_s or sensor.period)
+        own["horizon"] = section.forecast * (section.forecast_period_s or sensor.period)
     return made(
         len(prior.start),
         noise=bearing_noise(section.noise, sensor),
@@ -144,6 +137,7 @@ def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: Bearing
         memory=math.inf if section.memory is None else section.memory,
         gate=math.inf if section.gate is None else section.gate,
         position=prior,
+        size=size_prior(section.size),
         **own,
     )
 
@@ -168,43 +162,20 @@ def mixture(section: sections.MixtureSection, prior: PositionPrior, sensor: Bear
 
     if section.engine == "auto" and {*section.members} != {*MEMBERS_IN_C}:
         return made(MixtureTracker)
-    return _by_engine(section.engine, MixtureTracker, "CompiledMixtureTracker", made)
-
-
-_Made = TypeVar("_Made")
-
-
-def _by_engine(engine: str, in_numpy: type[_Made], in_c: str, made: Callable[[type[_Made]], _Made]) -> _Made:
-    """A tracker in numpy, or by the class of a name in :mod:`gbt_ocp.pilot.compiled_bank`.
-
-    Warns
-    -----
-    RuntimeWarning
-        If ``auto`` finds a compiler that does not work.
-    """
-    if engine == "numpy" or (engine == "auto" and find_compiler() is None):
-        return made(in_numpy)
-    from gbt_ocp.pilot import compiled_bank
-
-    try:
-        return made(getattr(compiled_bank, in_c))
-    except CompilerError as reason:
-        if engine == "compiled":
-            raise
-        warnings.warn(f"tracker.engine: auto takes numpy, which is slower: {reason}", RuntimeWarning, stacklevel=2)
-        return made(in_numpy)
+    return by_engine(section.engine, MixtureTracker, mixture_in_c, made)
 
 
 def held_turn(section: sections.HeldTurnSection, prior: PositionPrior, sensor: BearingSensor) -> HeldTurnTracker:
     """Kind ``held_turn``."""
     motion_prior = HeldTurnPrior(
-        speed=LogNormal(section.speed.median, section.speed.log_std),
-        range=LogNormal(section.range.median_m, section.range.log_std),
+        speed=speed_prior(section),
+        range=range_prior(section),
         turn_stds=section.turn_rate_std,
         hold=section.hold_s,
         speed_stds=section.speed_change_std,
         speed_time=section.speed_time_s,
         climb_std=section.climb_std,
+        size=size_prior(section.size),
     )
 
     def made(tracker: type[HeldTurnTracker]) -> HeldTurnTracker:
@@ -218,7 +189,7 @@ def held_turn(section: sections.HeldTurnSection, prior: PositionPrior, sensor: B
             position=prior,
         )
 
-    return _by_engine(section.engine, HeldTurnTracker, "CompiledHeldTurnTracker", made)
+    return by_engine(section.engine, HeldTurnTracker, held_turn_in_c, made)
 
 
 # ---- filters --------------------------------------------------------------------------------------------------------
@@ -293,7 +264,7 @@ def extended(
         _first_guess(section, prior),
         process_noise=section.process_noise,
         bearing_std=filter_std(section.bearing_std_deg, sensor.noise),
-        size=_size_prior(section.size),
+        size=size_prior(section.size),
     )
 
 
@@ -305,7 +276,7 @@ def imm_extended(
         _first_guess(section, prior),
         _models(section),
         bearing_std=filter_std(section.bearing_std_deg, sensor.noise),
-        size=_size_prior(section.size),
+        size=size_prior(section.size),
     )
 
 

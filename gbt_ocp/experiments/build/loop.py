@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
@@ -144,7 +146,33 @@ def build_flat_problem(configuration: Configuration, vehicle: Vehicle) -> Trajec
 def build_planner(configuration: Configuration, vehicle: Vehicle, current: Current | None = None) -> AnyPlanner:
     """The planner with its solver."""
     section = configuration.planner
-    return build_problem(configuration, vehicle, current).compile(section.solver, section.solver_options)
+    own = configuration.problem_object
+    if current is None and type(vehicle) is FossenVehicle and own.constrain is None and own.objective is None:
+        problem = _posed(_Posing.of(configuration))
+    else:
+        problem = build_problem(configuration, vehicle, current)
+    return problem.compile(section.solver, section.solver_options)
+
+
+@dataclass(frozen=True)
+class _Posing:
+    """What a trajectory problem is posed by: a configuration, which counts without its seed."""
+
+    text: str
+    configuration: Configuration = field(compare=False)
+
+    @classmethod
+    def of(cls, configuration: Configuration) -> _Posing:
+        return cls(configuration.model_dump_json(exclude={"seed"}), configuration)
+
+
+@lru_cache(maxsize=32)
+def _posed(by: _Posing) -> TrajectoryProblem | ShootingProblem:
+    """The problem of a configuration whose runs differ in their seed alone, which all share it: it does not change.
+
+    Not so with objects that are the user's, or that learn.
+    """
+    return build_problem(by.configuration, build_vehicle(by.configuration))
 
 
 def build_guidance(

@@ -21,9 +21,6 @@ BEARINGS_ALONE = ("azimuth", "azimuth_elevation")
 ALL = ("azimuth", "azimuth_elevation", "elevation", "range", "size", "position")
 """Kinds of measurements; angular sizes are taken where the key ``size`` says what is known of the true one."""
 
-WITHOUT_SIZE = tuple(one for one in ALL if one != "size")
-"""Those of trackers in which the size has no place."""
-
 Builder: TypeAlias = "Callable[[Any, PositionPrior, BearingSensor], Tracker | PositionTracker]"
 """From a section, the prior position and the sensor to an estimator."""
 
@@ -119,13 +116,13 @@ TRACKERS = {
             _builder("mixture"),
             "held turn rates and interacting models, weighed by how well each foretold the bearings of late",
             sections.ShapeSection,
-            WITHOUT_SIZE,
+            ALL,
         ),
         TrackerKind(
             sections.HeldTurnSection,
             _builder("held_turn"),
             "turn rates that are held and drawn again, in log-polar coordinates, for noisy bearings and unknown range",
-            takes=WITHOUT_SIZE,
+            takes=ALL,
         ),
         TrackerKind(
             sections.OrthogonalityStaticSection,

@@ -163,6 +163,8 @@ def without_effect(merged: Mapping[str, Any], beneath: Mapping[str, Any]) -> Ite
         if value not in (NOTHING, default, below):
             why = "tracker.noise has keys of its own" if isinstance(noise, Mapping) else "sensor.noise_deg is above 0"
             yield Fault(path, shown(value), f"only with tracker.noise: null, without effect here ({why})")
+    if value_at(merged, ("tracker", "engine")) == "compiled" != value_at(beneath, ("tracker", "engine")):
+        yield Fault(("tracker", "engine"), "'compiled'", "auto or numpy where the bearings are noisy")
 
 
 def _engine(merged: Mapping[str, Any]) -> Iterator[Fault]:

@@ -9,9 +9,7 @@ from gbt_ocp.experiments.config.keys import key
 
 def engine() -> Any:
     """Of trackers that are in numpy unless it is asked for."""
-    return key(
-        "numpy", "What does the arithmetic of motion_gp, ekf, and gp without noise: numpy, or the C of codegen --pilot."
-    )
+    return key("numpy", "What does the arithmetic of motion_gp and ekf: numpy, or the C of codegen --pilot.")
 
 
 def engine_or_auto() -> Any:
@@ -19,6 +17,6 @@ def engine_or_auto() -> Any:
     return key(
         "auto",
         "What does the arithmetic: numpy, or the C of codegen --pilot (compiled), with the same numbers to rounding. "
-        "auto is compiled where there is a C compiler, the members are both of held_turn and imm_ekf, and there is one "
-        "vehicle.",
+        "auto is compiled where there is a C compiler and one vehicle, but not for gp with noise, nor for a mixture of "
+        "other members than held_turn and imm_ekf.",
     )

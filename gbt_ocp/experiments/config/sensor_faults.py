@@ -86,6 +86,5 @@ def sensor_faults(merged: Mapping[str, Any], dimension: int | None, takes: tuple
             yield Fault((*path, "kind"), shown(kind), f"{', '.join(_PLANAR)} in 2 dimensions")
         elif takes is not None and kind not in takes:
             tracker = value_at(merged, ("tracker", "kind"))
-            sized = kind == "size" and "size" in TRACKERS[str(tracker)].takes and "range" in takes
-            size = ", for kind size with tracker.size" if sized else ""
+            size = ", for kind size with tracker.size" if kind == "size" and "range" in takes else ""
             yield Fault((*path, "kind"), shown(kind), f"{', '.join(takes)}, which tracker.kind: {tracker} takes{size}")

@@ -109,7 +109,7 @@ class GaussianProcessSection(ProcessSection):
         "sensor, null, or a mapping",
     )
     size: SizeNumbers | None = _size()
-    engine: Literal["numpy", "compiled"] = engine()
+    engine: Literal["auto", "numpy", "compiled"] = engine_or_auto()
 
 
 class CoregionalizedSection(ProcessSection):
@@ -148,6 +148,7 @@ class ShapeSection(TrackerSection):
     update_s: float = key(1.0, "Least time between two estimates in s; in between, the last one is predicted.", ge=0.0)
     speed: SpeedPriorSection = Field(default_factory=SpeedPriorSection, description="Prior of the target's speed.")
     range: RangePriorSection = Field(default_factory=RangePriorSection, description="Prior of the target's range.")
+    size: SizeNumbers | None = _size()
     starts_m: PositiveNumbers | None = key(
         None, "Ranges in m at which a track is begun; null is four about the prior's median."
     )
@@ -173,7 +174,6 @@ class MotionSection(ShapeSection):
     """Gaussian process on the shape of the motion."""
 
     kind: Literal["motion_gp"] = key(..., "Gaussian process on turn rate and log speed.")
-    size: SizeNumbers | None = _size()
     engine: Literal["numpy", "compiled"] = engine()
 
 
@@ -215,6 +215,7 @@ class HeldTurnSection(TrackerSection):
     bin_s: float = key(0.5, "Width of the bins in s over which bearings are averaged.", gt=0.0)
     speed: SpeedPriorSection = Field(default_factory=SpeedPriorSection, description="Prior of the target's speed.")
     range: RangePriorSection = Field(default_factory=RangePriorSection, description="Prior of the target's range.")
+    size: SizeNumbers | None = _size()
     gate: float | None = key(4.0, "Standardised residual from which a bearing is suspected; null trusts all.", gt=0.0)
     turn_rate_std: PositiveNumbers = key(
         (0.03,), "Standard deviations of a turn rate when it is drawn, in rad/s, averaged over."

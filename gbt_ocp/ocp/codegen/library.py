@@ -49,11 +49,17 @@ def kernel_files(*, shooting: bool = False) -> dict[str, str]:
 
     Both have all files but those of the other form.
     """
-    folder, other = files("gbt_ocp.ocp") / "kernel", FLAT_FILES if shooting else SHOOTING_FILES
+    texts, other = c_texts("gbt_ocp.ocp", "kernel"), FLAT_FILES if shooting else SHOOTING_FILES
+    return {name: text for name, text in texts.items() if not name.startswith(other)}
+
+
+@cache
+def c_texts(package: str, folder: str) -> dict[str, str]:
+    """The C files in a folder of a package by name, which are read once and not to be changed."""
     return {
         entry.name: entry.read_text(encoding="utf-8")
-        for entry in sorted(folder.iterdir(), key=lambda entry: entry.name)
-        if entry.name.endswith((".c", ".h")) and not entry.name.startswith(other)
+        for entry in sorted((files(package) / folder).iterdir(), key=lambda entry: entry.name)
+        if entry.name.endswith((".c", ".h"))
     }
 
 

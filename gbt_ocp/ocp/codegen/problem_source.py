@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import weakref
 from dataclasses import dataclass
 
 import casadi as ca
@@ -37,6 +38,10 @@ class GeneratedProblem:
         return {"gbt_problem.h": self.header, "gbt_problem.c": self.source}
 
 
+_GENERATED: dict[int, GeneratedProblem] = {}
+"""What was generated of a problem with default options, for as long as there is the problem."""
+
+
 def generate_problem(problem: PosedProblem, options: CompiledOptions | None = None) -> GeneratedProblem:
     """Derivatives by CasADi, tables and sizes.
 
@@ -52,6 +57,15 @@ def generate_problem(problem: PosedProblem, options: CompiledOptions | None = No
     ValueError
         If an expression cannot be written as C.
     """
+    if options is not None:
+        return _generated(problem, options)
+    if id(problem) not in _GENERATED:
+        _GENERATED[id(problem)] = _generated(problem, None)
+        weakref.finalize(problem, _GENERATED.pop, id(problem), None)
+    return _GENERATED[id(problem)]
+
+
+def _generated(problem: PosedProblem, options: CompiledOptions | None) -> GeneratedProblem:
     form, d = form_of(problem), problem.vehicle.position_dimension
     shooting = isinstance(problem, ShootingData)
     origin = ca.SX.sym("origin", d)

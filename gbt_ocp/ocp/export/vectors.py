@@ -15,7 +15,8 @@ from gbt_ocp.ocp.codegen.expressions import c_array
 from gbt_ocp.ocp.codegen.problem_source import from_moments
 from gbt_ocp.ocp.planner import AnyPlanner
 from gbt_ocp.ocp.problem_data import PosedProblem
-from gbt_ocp.ocp.solvers.compiled import STATUSES, moments_of_step
+from gbt_ocp.ocp.solvers.compiled import STATUSES
+from gbt_ocp.ocp.solvers.kernel_arrays import MomentsOfStep
 from gbt_ocp.typing import Array
 
 STEPS = 20
@@ -117,7 +118,9 @@ def _inputs(planner: AnyPlanner, step: Mapping[str, Any], moments: bool) -> dict
     data = {name: value for name, value in step.items() if name != "state"}
     row = {"state": planner.start(step["state"])}
     if moments:
-        return row | moments_of_step(problem, data)
+        given = MomentsOfStep(problem)
+        given.take(data)
+        return row | given.arrays
     binding = Binding(problem)
     blocks = [binding.objective_parameters(data), binding.limit_parameters(data)]
     return row | {"parameters": np.concatenate([np.vstack(block).T.ravel() for block in blocks if block])}

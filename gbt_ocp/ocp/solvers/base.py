@@ -66,6 +66,8 @@ class PlannerStep:
         Worst violation of each constraint that had to give, 0 of the others, in its unit.
     broken_at_start
         How far each constraint is broken where the plan begins and no plan can change it, in its unit.
+    objective
+        Without penalty; ``None`` where it has to be computed.
     """
 
     top: Array
@@ -76,6 +78,7 @@ class PlannerStep:
     piece_violation: Array
     given_up: Array
     broken_at_start: Array
+    objective: float | None = None
 
 
 @runtime_checkable
@@ -100,6 +103,17 @@ class PlansSteps(Protocol):
             The trajectory of the previous plan, if there is one; it began a piece before the start.
         data
             What the parameters were made of.
+        """
+
+
+@runtime_checkable
+class ReadsMoments(Protocol):
+    """What takes a planner's step from the moments of a forecast, where it can, without the parameters."""
+
+    def reads(self, data: Mapping[str, Any]) -> bool:
+        """Whether the next :meth:`PlansSteps.plan` needs nothing but this data, which is sound.
+
+        It keeps what it read until then; the objectives and limits that it is given are not looked at.
         """
 
 

@@ -17,9 +17,8 @@ from gbt_ocp.ocp.codegen.problem_source import from_moments, generate_problem
 from gbt_ocp.ocp.problem_data import PosedProblem, ShootingData
 from gbt_ocp.ocp.shot import ShotTrajectory
 from gbt_ocp.ocp.solvers.base import GIVEN_UP, NO_PLAN, PlannerStep, Solution
-from gbt_ocp.ocp.solvers.kernel_arrays import KernelCoordinates, SolveArrays, stacked_parameters
+from gbt_ocp.ocp.solvers.kernel_arrays import KernelCoordinates, MomentsOfStep, SolveArrays, stacked_parameters
 from gbt_ocp.ocp.trajectory import FlatTrajectory
-from gbt_ocp.ocp.transcription import limit_size
 from gbt_ocp.typing import Array
 
 STATUSES = (
@@ -38,6 +37,9 @@ ORIGINS = ("", "shifted", "cold", "braking", NO_PLAN, "unfinished")
 
 PROFILE = 5
 """Points of the thrust profile of every piece in a result."""
+
+FOUND = ("top", "piece_violation", "given_up", "broken_at_start")
+"""Arrays of a result that are read."""
 
 
 class _Settings(ctypes.Structure):
@@ -184,17 +186,24 @@ class CompiledSolver:
 
         kernel.gbt_planner_bytes.restype = ctypes.c_size_t
         self._memory = np.zeros(kernel.gbt_planner_bytes() // 8 + 1)
-        self._state_of_planner = Memory.from_buffer(self._memory.data)
-        self._state_of_planner.settings = self._settings
-        self._result_of_step = PlanOfStep
+        memory = self._state_of_planner = Memory.from_buffer(self._memory.data)
+        memory.settings = self._settings
+        # what these show is that of the structs: to read an array out of one takes longer than many a plan
+        self._remembered = [np.frombuffer(one) for one in (memory.previous, memory.place, memory.begin)]
+        plan = self._result_of_step = PlanOfStep()
+        self._found = {name: np.frombuffer(getattr(plan, name)) for name in FOUND}
         pointer = ctypes.c_void_p
-        self._from_moments = from_moments(problem)
-        self._plan = kernel.gbt_plan if self._from_moments else kernel.gbt_plan_parameters
-        self._plan.argtypes = [pointer] * (6 if self._from_moments else 4)
+        self._moments = MomentsOfStep(problem) if from_moments(problem) else None
+        self._plan = kernel.gbt_plan_parameters if self._moments is None else kernel.gbt_plan
+        self._plan.argtypes = [pointer] * (4 if self._moments is None else 6)
+        state = self._start = np.zeros(kernel.gbt_state_size())
+        self._addresses = [one.ctypes.data for one in (self._memory, state)]
+        self._addresses_of_moments = [] if self._moments is None else self._moments.addresses
+        self._address_of_plan = ctypes.addressof(plan)
         if isinstance(problem, ShootingData):
             kernel.gbt_plan_prepare.argtypes = [pointer]
             self._prepare = kernel.gbt_plan_prepare
-            self._feedback = kernel.gbt_plan_feedback if self._from_moments else kernel.gbt_plan_feedback_parameters
+            self._feedback = kernel.gbt_plan_feedback if self._moments else kernel.gbt_plan_feedback_parameters
             self._feedback.argtypes = self._plan.argtypes
 
     def plan(
@@ -209,9 +218,9 @@ class CompiledSolver:
         memory = self._state_of_planner
         memory.warm = previous is not None
         if previous is not None:
-            memory.previous[:] = previous.top.ravel().tolist()
-            place, begin = self._coordinates.begin(previous.start)
-            memory.place[:], memory.begin[:] = place.tolist(), begin.tolist()
+            top, place, begin = self._remembered
+            top[:] = previous.top.ravel()
+            place[:], begin[:] = self._coordinates.begin(previous.start)
         return self._step(self._plan, start, objectives, limits, data)
 
     def prepare(self) -> bool:
@@ -233,23 +242,33 @@ class CompiledSolver:
         data: Mapping[str, Any],
     ) -> PlannerStep:
         """A call of one of the planner's entries."""
-        result = self._result_of_step()
-        if self._from_moments:
-            arrays = list(moments_of_step(self._problem, data).values())
-        else:
-            arrays = [np.concatenate([stacked_parameters(objectives), stacked_parameters(limits)])]
-        arrays = [np.ascontiguousarray(values, dtype=float) for values in (start, *arrays)]
-        entry(self._memory.ctypes.data, *(values.ctypes.data for values in arrays), ctypes.byref(result))
+        result, found = self._result_of_step, self._found
+        given = self._addresses_of_moments
+        if self._moments is None:
+            parameters = np.concatenate([stacked_parameters(objectives), stacked_parameters(limits)])
+            given = [parameters.ctypes.data]
+        elif self._moments.read is not data:
+            self._moments.take(data)
+        self._start[:] = 0.0
+        self._start[: start.size] = start.ravel()
+        entry(*self._addresses, *given, self._address_of_plan)
+        if self._moments is not None:
+            self._moments.read = None
         return PlannerStep(
-            top=np.array(result.top).reshape(self._problem.pieces, self._problem.freedoms),
+            top=found["top"].reshape(self._problem.pieces, self._problem.freedoms).copy(),
             status=STATUSES[result.status],
             fallback=ORIGINS[result.origin],
             iterations=result.iterations,
             tightened=result.tightened,
-            piece_violation=np.array(result.piece_violation),
-            given_up=np.array(result.given_up)[: self._limits],
-            broken_at_start=np.array(result.broken_at_start)[: self._limits],
+            piece_violation=found["piece_violation"].copy(),
+            given_up=found["given_up"][: self._limits].copy(),
+            broken_at_start=found["broken_at_start"][: self._limits].copy(),
+            objective=result.objective,
         )
+
+    def reads(self, data: Mapping[str, Any]) -> bool:
+        """See :class:`gbt_ocp.ocp.solvers.base.ReadsMoments`."""
+        return self._moments is not None and self._moments.take(data)
 
     def check(self, trajectory: FlatTrajectory, limits: Sequence[Array] = ()) -> Array:
         """The same as :class:`gbt_ocp.ocp.check.LimitCheck`, from the compiled limits."""
@@ -262,23 +281,3 @@ class CompiledSolver:
             start.ctypes.data, top.ctypes.data, len(top), FINE_POINTS, moving.ctypes.data, violation.ctypes.data
         )
         return violation
-
-
-def moments_of_step(problem: PosedProblem, data: Mapping[str, Any]) -> dict[str, Array]:
-    """``mean``, ``covariance`` and ``desired`` as the generated step takes them, from the data of a solve.
-
-    Where limits depend on the target, the present moments come before those at the endpoints. What no objective asks
-    for may be missing and is zero.
-    """
-    p, d = problem.pieces, problem.vehicle.position_dimension
-    present = any(limit_size(constraint) for constraint in problem.constraints)
-    found = {}
-    for name, shape in (("mean", (d,)), ("covariance", (d, d))):
-        ahead = np.zeros((p, *shape)) if data.get("forecast") is None else getattr(data["forecast"], name)
-        found[name] = np.asarray(ahead, dtype=float)[:p]
-        if present:
-            found[name] = np.concatenate([np.asarray(getattr(data["present"], name), dtype=float)[None], found[name]])
-    desired = data.get("desired")
-    found["desired"] = np.zeros((p, d)) if desired is None else np.asarray(desired, dtype=float)[:p]
-    # what is needed was found finite when the parameters were bound
-    return {name: np.where(np.isfinite(values), values, 0.0) for name, values in found.items()}

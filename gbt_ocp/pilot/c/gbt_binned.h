@@ -39,7 +39,7 @@ void gbt_binned_shift(gbt_binned_filter *binned, const gbt_real *way);
 int gbt_binned_update(gbt_binned_filter *binned, const gbt_binned_settings *settings, double time, const gbt_real *bearing,
                       const gbt_real *own);
 
-/* Takes a measurement of any kind but a size; 0 where gbt_can_take refuses it, or where there is no room. */
+/* Takes a measurement of any kind; 0 where gbt_can_take refuses it, or where there is no room. */
 int gbt_binned_take(gbt_binned_filter *binned, const gbt_binned_settings *settings, const gbt_sighting *sighting);
 
 /* Where the target is at a time, and the covariance of that: not a number before the first full bin. */

@@ -86,33 +86,32 @@ static void rows_of(const gbt_gp *process, gbt_gp_rows *rows)
     rows->rows = r;
 }
 
-/* The factor of the covariance of the rows, with the nugget multiplied by ten as often as that needs; 0 if no nugget
-   helps. */
-static int conditioned(const gbt_gp *process, const gbt_gp_settings *settings, const gbt_gp_rows *rows, gbt_real *nugget,
-                       gbt_wide factor[GBT_PACKED])
-{
-    *nugget = GBT_TUNED_NUGGET ? gbt_exp(process->log_theta[GBT_TUNABLE - 1]) : settings->tuning.nugget;
-    for (;;) {
-        gbt_gp_covariance(rows, process->log_theta, *nugget, factor, 0);
-        if (gbt_factor(factor, rows->rows)) return 1;
-        if (!(*nugget < LARGEST_NUGGET)) return 0;
-        *nugget = gbt_fmin(10 * gbt_fmax(*nugget, SMALLEST_NUGGET), LARGEST_NUGGET);
-    }
-}
-
 /* A posterior: the rows, the factor of their covariance, L^-1 times their values, and the prior variance. */
 typedef struct {
     gbt_gp_rows rows;
-    int sound; /* whether there is one */
+    int sound, raised; /* whether there is one; how often the nugget was multiplied by ten for it */
     gbt_real nugget, variance;
     gbt_wide factor[GBT_PACKED], values[R];
 } posterior;
+
+/* The factor of the covariance of the rows, with the nugget multiplied by ten as often as that needs; 0 if no nugget
+   helps. */
+static int conditioned(const gbt_gp *process, const gbt_gp_settings *settings, posterior *of)
+{
+    of->nugget = GBT_TUNED_NUGGET ? gbt_exp(process->log_theta[GBT_TUNABLE - 1]) : settings->tuning.nugget;
+    for (of->raised = 0;; of->raised++) {
+        gbt_gp_covariance(&of->rows, process->log_theta, of->nugget, of->factor, 0);
+        if (gbt_factor(of->factor, of->rows.rows)) return 1;
+        if (!(of->nugget < LARGEST_NUGGET)) return 0;
+        of->nugget = gbt_fmin(10 * gbt_fmax(of->nugget, SMALLEST_NUGGET), LARGEST_NUGGET);
+    }
+}
 
 static void condition(const gbt_gp *process, const gbt_gp_settings *settings, posterior *of)
 {
     rows_of(process, &of->rows);
     of->variance = gbt_exp(2 * process->log_theta[GBT_SHAPES]);
-    of->sound = conditioned(process, settings, &of->rows, &of->nugget, of->factor);
+    of->sound = conditioned(process, settings, of);
     for (int i = 0; i < of->rows.rows; i++) {
         gbt_wide rest = gbt_widen(of->rows.value[i]);
         for (int k = 0; k < i; k++) rest = gbt_less(rest, of->factor[ROW(i) + k], of->values[k]);
@@ -147,13 +146,14 @@ static void predict(const gbt_gp *process, const posterior *of, double time, gbt
     }
 }
 
-void gbt_gp_predict(const gbt_gp *process, const gbt_gp_settings *settings, const double *times, int count, gbt_real *mean,
-                    gbt_real *covariance)
+int gbt_gp_predict(const gbt_gp *process, const gbt_gp_settings *settings, const double *times, int count, gbt_real *mean,
+                   gbt_real *covariance)
 {
     posterior now;
     condition(process, settings, &now);
     for (int t = 0; t < count; t++)
         predict(process, &now, times[t], &mean[t * D], &covariance[t * D * D]);
+    return now.raised;
 }
 
 #if GBT_BREAKS

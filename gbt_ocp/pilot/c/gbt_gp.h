@@ -61,9 +61,10 @@ void gbt_gp_shift(gbt_gp *process, const gbt_real *way);
 gbt_gp_taken gbt_gp_add(gbt_gp *process, const gbt_gp_settings *settings, double time, const gbt_real *bearing,
                         const gbt_real *own);
 
-/* Where the target is at so many times: means and covariances one after the other. */
-void gbt_gp_predict(const gbt_gp *process, const gbt_gp_settings *settings, const double *times, int count, gbt_real *mean,
-                    gbt_real *covariance);
+/* Where the target is at so many times: means and covariances one after the other. Returns how often the nugget had to be
+   multiplied by ten for that. */
+int gbt_gp_predict(const gbt_gp *process, const gbt_gp_settings *settings, const double *times, int count, gbt_real *mean,
+                   gbt_real *covariance);
 
 GBT_END_C
 

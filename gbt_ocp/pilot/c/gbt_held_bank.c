@@ -117,11 +117,15 @@ void gbt_bank_start(const gbt_held_prior *prior, const gbt_real *angles, gbt_rea
     one->covariance[AT(GBT_AT_ELEVATION, GBT_AT_ELEVATION)] = variance;
     one->covariance[AT(GBT_AT_CLIMB, GBT_AT_CLIMB)] = prior->climb_std * prior->climb_std;
 #endif
+#if GBT_SIZED
+    one->mean[GBT_AT_SIZE] = prior->log_size;
+    one->covariance[AT(GBT_AT_SIZE, GBT_AT_SIZE)] = prior->log_size_std * prior->log_size_std;
+#endif
 }
 
 /* ---- steps ---- */
 
-/* The covariance after a step in which course, turn rate, level, change and vertical speed go on by themselves, and the
+/* The covariance after a step in which course, turn rate, level, change, vertical speed and size go on by themselves, and the
    rows of azimuth, log range and elevation are given. */
 static void carry(gbt_component *one, gbt_real rows[D][N], gbt_real step, gbt_real keep)
 {
@@ -138,6 +142,9 @@ static void carry(gbt_component *one, gbt_real rows[D][N], gbt_real step, gbt_re
         half[GBT_AT_CHANGE][j] = keep * one->covariance[AT(GBT_AT_CHANGE, j)];
 #if GBT_DIMENSION == 3
         half[GBT_AT_CLIMB][j] = one->covariance[AT(GBT_AT_CLIMB, j)];
+#endif
+#if GBT_SIZED
+        half[GBT_AT_SIZE][j] = one->covariance[AT(GBT_AT_SIZE, j)];
 #endif
     }
     for (int i = 0; i < N; i++) {

@@ -1,6 +1,7 @@
 /* Gaussians in log-polar coordinates, one for each time at which the turn rate may have been drawn last:
    tracking/held/bank.py in C, which says why. A component is an extended Kalman filter of azimuth, log range, course, turn
-   rate, level of the log speed and deviation from it; in space of elevation and vertical speed too. */
+   rate, level of the log speed and deviation from it; in space of elevation and vertical speed too; last of the log of the
+   size where it is estimated. */
 #ifndef GBT_HELD_BANK_H
 #define GBT_HELD_BANK_H
 
@@ -12,7 +13,8 @@ GBT_BEGIN_C
 
 enum { GBT_AT_AZIMUTH, GBT_AT_LOG_RANGE, GBT_AT_COURSE, GBT_AT_TURN, GBT_AT_LEVEL, GBT_AT_CHANGE, GBT_AT_ELEVATION, GBT_AT_CLIMB };
 
-#define GBT_HELD (2 * GBT_DIMENSION + 2)              /* numbers of a state: 6, or 8 in space */
+#define GBT_AT_SIZE (2 * GBT_DIMENSION + 2)           /* of the log of the size */
+#define GBT_HELD (GBT_AT_SIZE + GBT_SIZED)            /* numbers of a state: 6, or 8 in space, and the size's */
 #define GBT_BRANCHES (GBT_TURN_STDS * GBT_SPEED_STDS) /* pairs of deviations */
 #define GBT_FARTHEST_CELL 10                          /* of log range from that of the likeliest, within which, and courses, */
 #define GBT_RANGE_CELLS (2 * GBT_FARTHEST_CELL + 1)   /* components are taken together when the turn rate is drawn again */
@@ -32,6 +34,8 @@ typedef struct {
     gbt_real hold;                 /* mean time for which a turn rate is held, s */
     gbt_real speed_time;           /* time scale of the change of log speed, s */
     gbt_real climb_std;            /* of a vertical speed when it is drawn, m/s */
+    gbt_real log_size;             /* of the median size in m, and the deviation of the logarithm; read where GBT_SIZED is 1 */
+    gbt_real log_size_std;
     gbt_real turn_std[GBT_TURN_STDS], speed_std[GBT_SPEED_STDS]; /* rad/s when it is drawn; of the change of log speed */
 } gbt_held_prior;
 

@@ -85,7 +85,7 @@ void gbt_bank_sight(gbt_component *one, const gbt_sighting *sighting, gbt_real l
     gbt_polar_rows rows;
     gbt_bank_move(one, lag, still, position, slopes);
     for (int i = 0; i < D; i++) position[i] += origin[i];
-    gbt_polar_of(sighting, position, bearing_std, 0, &rows);
+    gbt_polar_of(sighting, position, bearing_std, GBT_SIZED ? one->mean[N - 1] : 0, &rows);
     for (int r = 0; r < rows.rows; r++) {
         off[r] = rows.residuals[r] / rows.std[r];
         for (int j = 0; j < N; j++) {
@@ -94,6 +94,7 @@ void gbt_bank_sight(gbt_component *one, const gbt_sighting *sighting, gbt_real l
                 observation[r][j] += (rows.across[r][i] + rows.along[r] * rows.unit[i]) * slopes[i][j];
             observation[r][j] /= rows.range * rows.std[r];
         }
+        if (GBT_SIZED) observation[r][N - 1] += rows.size[r] / rows.std[r];
         for (int i = 0; i < N; i++) {
             cross[i][r] = 0;
             for (int j = 0; j < N; j++) cross[i][r] += one->covariance[AT(i, j)] * observation[r][j];

@@ -71,7 +71,7 @@ void gbt_held_turn_shift(gbt_held_turn *tracker, const gbt_real *way);
 int gbt_held_turn_update(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work,
                          double time, const gbt_real *bearing, const gbt_real *own);
 
-/* Takes a measurement of any kind but a size; 0 where gbt_can_take refuses it, or where there is no room. */
+/* Takes a measurement of any kind; 0 where gbt_can_take refuses it, or where there is no room. */
 int gbt_held_turn_take(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work,
                        const gbt_sighting *sighting);
 

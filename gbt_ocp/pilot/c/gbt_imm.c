@@ -19,9 +19,12 @@ void gbt_imm_begin(gbt_imm *imm, const gbt_imm_settings *settings, const gbt_rea
     for (int m = 0; m < M; m++) {
         imm->probability[m] = (gbt_real)1 / M;
         for (int i = 0; i < N; i++) {
-            imm->mean[m][i] = i < D ? position[i] : 0;
+            imm->mean[m][i] = i < D ? position[i] : i < GBT_KINEMATIC ? 0 : settings->log_size;
             for (int j = 0; j < N; j++)
-                imm->covariance[m][i][j] = i < D && j < D ? covariance[i][j] : i == j ? settings->initial_variance : 0;
+                imm->covariance[m][i][j] = i < D && j < D      ? covariance[i][j]
+                                           : i != j            ? 0
+                                           : i < GBT_KINEMATIC ? settings->initial_variance
+                                                               : settings->log_size_std * settings->log_size_std;
         }
     }
 }
@@ -82,7 +85,7 @@ static void coordinated_turn(gbt_real t, gbt_real w[D][D], gbt_real rate, gbt_re
 static void transition_of(int mode, gbt_real t, gbt_real w[D][D], gbt_real rate, gbt_real transition[N][N])
 {
     for (int i = 0; i < N; i++)
-        for (int j = 0; j < N; j++) transition[i][j] = 0;
+        for (int j = 0; j < N; j++) transition[i][j] = i == j && i >= GBT_KINEMATIC; /* a size stays what it is */
     if (mode == TURNING) coordinated_turn(t, w, rate, transition);
     for (int k = 0; mode != TURNING && k < D; k++) {
         transition[k][k] = transition[D + k][D + k] = 1;

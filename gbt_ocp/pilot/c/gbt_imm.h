@@ -15,6 +15,8 @@ typedef struct {
     gbt_real jerk_noise;       /* and of the jerk where the acceleration varies, m^2/s^5 */
     gbt_real stay;             /* probability that a mode lasts from one measurement to the next */
     gbt_real turn_rate_max;    /* rad/s */
+    gbt_real log_size;         /* of the median size in m, and the deviation of the logarithm; read where GBT_SIZED is 1 */
+    gbt_real log_size_std;
 } gbt_imm_settings;
 
 typedef struct {

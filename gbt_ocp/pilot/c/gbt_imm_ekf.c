@@ -52,7 +52,7 @@ void gbt_imm_ekf_take(gbt_imm_ekf *filter, const gbt_imm_ekf_settings *settings,
     gbt_own_velocity(&filter->own, sighting);
     for (int m = 0; m < GBT_MODES; m++) {
         gbt_real *state = filter->models.mean[m];
-        gbt_polar_of(sighting, state, settings->guess.bearing_std, 0, &rows);
+        gbt_polar_of(sighting, state, settings->guess.bearing_std, state[GBT_N - 1], &rows);
         if (!gbt_polar_update(state, filter->models.covariance[m], &rows, sighting->position, filter->own.velocity,
                               &log_likelihood[m]))
             log_likelihood[m] = -GBT_INFINITY;

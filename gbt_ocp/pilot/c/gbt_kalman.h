@@ -2,6 +2,7 @@
 #ifndef GBT_KALMAN_H
 #define GBT_KALMAN_H
 
+#include "gbt_linalg.h"
 #include "gbt_pilot_settings.h"
 #include "gbt_problem.h"
 
@@ -9,6 +10,9 @@ GBT_BEGIN_C
 
 #define GBT_KINEMATIC (GBT_BLOCKS_OF_STATE * GBT_DIMENSION) /* position, velocity, and the acceleration where there is one */
 #define GBT_N (GBT_KINEMATIC + GBT_SIZED) /* and the log of the size where it is estimated */
+#if GBT_N > GBT_LARGEST
+#error "a state has more numbers than a matrix can have rows"
+#endif
 #define GBT_MOST_ROWS GBT_DIMENSION           /* of a measurement */
 
 /* Conditions a state on value = observation x + noise of independent rows, by Joseph's form of a square root of the

@@ -2,7 +2,7 @@
 
 #include "gbt_math.h"
 
-#define SWEEPS 20 /* of Jacobi's method, which converges quadratically: 9 x 9 needs about 8 */
+#define SWEEPS 20 /* of Jacobi's method, which converges quadratically: 10 x 10 needs about 8 */
 
 int gbt_solve_square(gbt_real *a, int n, gbt_real *b, int columns)
 {

@@ -6,7 +6,7 @@
 
 GBT_BEGIN_C
 
-#define GBT_LARGEST 9 /* rows of a matrix that is given in full, at most */
+#define GBT_LARGEST 10 /* rows of a matrix that is given in full, at most: position, velocity, acceleration and size in space */
 #define GBT_ROW_BEGIN(i) ((i) * ((i) + 1) / 2) /* where a row of a lower triangle begins that is given row by row; its size */
 
 /* Solves a x = b for so many right-hand sides, a n x n, b n x columns, which x replaces; a is spent. 0 if a is singular. */

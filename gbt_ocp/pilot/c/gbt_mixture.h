@@ -52,7 +52,7 @@ void gbt_mixture_shift(gbt_mixture *mixture, const gbt_real *way);
 int gbt_mixture_update(gbt_mixture *mixture, const gbt_mixture_settings *settings, gbt_mixture_work *work, double time,
                        const gbt_real *bearing, const gbt_real *own);
 
-/* Takes a measurement of any kind but a size; 0 where gbt_can_take refuses it, or where there is no room. */
+/* Takes a measurement of any kind; 0 where gbt_can_take refuses it, or where there is no room. */
 int gbt_mixture_take(gbt_mixture *mixture, const gbt_mixture_settings *settings, gbt_mixture_work *work,
                      const gbt_sighting *sighting);
 

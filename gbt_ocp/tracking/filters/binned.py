@@ -120,7 +120,7 @@ class BinnedFilter(RestartingTracker):
             If the kind is not taken or the measurement is out of order; the tracker is then unchanged.
         """
         own = sighting.position
-        checked_sighting(sighting, self.takes, "a filter in bins", len(self._position.start), self._latest, sized=False)
+        checked_sighting(sighting, self.takes, "a filter in bins", len(self._position.start), self._latest)
         parts = parts_of(sighting, self._noise.std)
         if parts.bearing is not None and not parts.platform:
             self._seen(sighting.time, parts.bearing, own, parts)

@@ -9,6 +9,8 @@ bearings and the prior alone say: theorem 1 (``eq19``, ``eq20``) for one kernel 
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gammaincinv
@@ -17,6 +19,7 @@ from gbt_ocp.models.bearings import cumulative_bearing_matrix
 from gbt_ocp.typing import Array
 
 
+@lru_cache(maxsize=64)
 def confidence_radius(dimension: int, delta: float, count: int) -> float:
     """``β(δ)``: root of the ``1 - δ/|T_k|`` quantile of χ² with d degrees of freedom.
 

@@ -189,4 +189,9 @@ def with_raised_nugget(posterior: Callable[[float], AnyPosterior], nugget: float
             # The process has a positive semidefinite matrix with mean diagonal about a²: a per cent always suffices.
             if nugget >= LARGEST_NUGGET:
                 raise
-            nugget, retries = min(10.0 * max(nugget, SMALLEST_NUGGET), LARGEST_NUGGET), retries + 1
+            nugget, retries = raised(nugget), retries + 1
+
+
+def raised(nugget: float) -> float:
+    """The next nugget to try, of one with which there is no posterior."""
+    return min(10.0 * max(nugget, SMALLEST_NUGGET), LARGEST_NUGGET)

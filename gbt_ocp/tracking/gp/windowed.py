@@ -138,7 +138,7 @@ class WindowedTracker(RestartingTracker, Generic[AnyPosterior]):
                 self._cut(found)
             elif suspected:
                 self.window.leave_out_latest()  # a stray
-        self.window.append(time, b, own)
+        self.window.keep(time, b, own)
         if self._waits:
             return  # until the next bearing says whether this one is a stray, the old motion is the better guess
         if self._prior_time is None:
@@ -149,6 +149,10 @@ class WindowedTracker(RestartingTracker, Generic[AnyPosterior]):
             self._centre = own
         else:
             self._centre = np.zeros(self.dimension)
+        self._fit()
+
+    def _fit(self) -> None:
+        """Choose θ for the window, and condition on it."""
         measurements = self._measurements()
         self._tune(measurements)
         self._condition(measurements)

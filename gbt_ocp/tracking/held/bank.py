@@ -4,7 +4,7 @@ A boat holds its rudder for a while. With a constant hazard of letting go, what 
 time of the last change (the run length of Adams and MacKay, Bayesian online changepoint detection, arXiv:0710.3742,
 2007). Each component is an extended Kalman filter of
 
-    β, ρ = log r, χ, ω, ℓ, s (and in space ε, w):
+    β, ρ = log r, χ, ω, ℓ, s (in space ε, w; last the log of the size, where that is estimated):
 
 azimuth and log range of the target seen from the vehicle, its course, turn rate, level of the log speed and deviation
 from it (Ornstein-Uhlenbeck); in space its elevation and vertical speed as well. Bearings are coordinates of this state,
@@ -25,6 +25,9 @@ from gbt_ocp.typing import Array
 
 AZIMUTH, LOG_RANGE, COURSE, TURN, LEVEL, CHANGE, ELEVATION, CLIMB = range(8)
 """Places in a state; the last two in space only."""
+
+LOG_SIZE = -1
+"""Place of the log of the size, where it is estimated."""
 
 LARGEST_LOG_SPEED = float(np.log(30.0))
 """Of a component whose speed nothing has told yet."""
@@ -60,6 +63,8 @@ class HeldTurnPrior:
         Time scale of that change in seconds.
     climb_std
         Standard deviation of a vertical speed when it is drawn, in m/s.
+    size
+        Of the target's true size in metres, where angular sizes are measured; ``None`` where it is not estimated.
 
     Raises
     ------
@@ -74,6 +79,7 @@ class HeldTurnPrior:
     speed_stds: tuple[float, ...] = (0.007, 0.04, 0.2)
     speed_time: float = 30.0
     climb_std: float = 0.1
+    size: LogNormal | None = None
 
     def __post_init__(self) -> None:
         numbers = (*self.turn_stds, self.hold, *self.speed_stds, self.speed_time, self.climb_std)
@@ -98,7 +104,7 @@ class Components:
     log_weights
         ``(N,)``.
     means, covariances
-        ``(N, n)`` and ``(N, n, n)``, n = 6 or 8.
+        ``(N, n)`` and ``(N, n, n)``, n = 6 or 8, and one more where the size is estimated.
     branches
         The pair of deviations that each of them belongs to ``(N,)``.
     """
@@ -144,7 +150,7 @@ class Components:
         m = self.means
         r = np.exp(m[:, LOG_RANGE])
         cosine, sine = np.cos(m[:, AZIMUTH]), np.sin(m[:, AZIMUTH])
-        if m.shape[1] == ELEVATION:
+        if not in_space(m):
             place = np.stack([r * cosine, r * sine], axis=-1)
             slopes = np.zeros((len(m), 2, m.shape[1]))
             slopes[..., AZIMUTH] = np.stack([-r * sine, r * cosine], axis=-1)
@@ -173,7 +179,7 @@ def begun(prior: HeldTurnPrior, angles: Array, variance: float, ranges: int, lev
         How many of each.
     """
     turn, speed = prior.branches
-    n = 6 if len(angles) == 1 else 8
+    n = (6 if len(angles) == 1 else 8) + (prior.size is not None)
     z, y = _grid(2.0, ranges), _grid(1.0, levels)
     # between the borders of the cells in which turn rates are drawn again: rounding would decide on them
     x = (np.arange(courses) + 0.5) * 2.0 * np.pi / courses - np.pi
@@ -191,11 +197,14 @@ def begun(prior: HeldTurnPrior, angles: Array, variance: float, ranges: int, lev
     spread[:, TURN] = turn[branch] ** 2
     spread[:, LEVEL] = prior.speed.log_std**2 * _remainder(y)
     spread[:, CHANGE] = speed[branch] ** 2
-    if n == 8:
+    if len(angles) == 2:
         means[:, ELEVATION] = angles[1]
         spread[:, AZIMUTH] /= max(np.cos(angles[1]), LEAST_COSINE) ** 2
         spread[:, ELEVATION] = variance
         spread[:, CLIMB] = prior.climb_std**2
+    if prior.size is not None:
+        means[:, LOG_SIZE] = np.log(prior.size.median)
+        spread[:, LOG_SIZE] = prior.size.log_std**2
     covariances[:, np.arange(n), np.arange(n)] = spread
     return Components(-0.5 * np.sum(grid[:, :2] ** 2, axis=1), means, covariances, branch)
 
@@ -263,6 +272,11 @@ def advanced(prior: HeldTurnPrior, given: Components, step: float, moved: Array)
     covariances = transition @ given.covariances @ np.swapaxes(transition, 1, 2)
     covariances[:, CHANGE, CHANGE] += prior.branches[1][given.branches] ** 2 * (1.0 - keep**2)
     return Components(given.log_weights, means, covariances, given.branches)
+
+
+def in_space(means: Array) -> bool:
+    """Whether states ``(N, n)`` have an elevation and a vertical speed."""
+    return bool(means.shape[1] > CLIMB)
 
 
 def wrapped(angle: Array) -> Array:

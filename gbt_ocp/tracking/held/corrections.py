@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gbt_ocp.tracking.held.bank import AZIMUTH, ELEVATION, LEAST_COSINE, Components, wrapped
+from gbt_ocp.tracking.held.bank import AZIMUTH, ELEVATION, LEAST_COSINE, LOG_SIZE, Components, wrapped
 from gbt_ocp.tracking.polar import PolarRows
 from gbt_ocp.typing import Array
 
@@ -63,6 +63,8 @@ def sighted(given: Components, slopes: Array, rows: PolarRows) -> Components:
     """
     along = rows.across + rows.along[:, None] * rows.unit[:, None, :]
     observation = along @ slopes / (rows.range[:, None] * rows.stds)[..., None]
+    if np.any(rows.size):
+        observation[..., LOG_SIZE] += rows.size / rows.stds
     off = rows.residuals / rows.stds
     gain = given.covariances @ np.swapaxes(observation, 1, 2)
     spread = observation @ gain + np.eye(len(rows.along))

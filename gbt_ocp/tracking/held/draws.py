@@ -16,6 +16,7 @@ from gbt_ocp.tracking.held.bank import (
     TURN,
     Components,
     HeldTurnPrior,
+    in_space,
     wrapped,
 )
 
@@ -74,7 +75,7 @@ def drawn(prior: HeldTurnPrior, given: Components) -> Components:
     """The same with the turn rate, and the vertical speed, drawn from the prior."""
     means, covariances = given.means.copy(), given.covariances.copy()
     new = [(TURN, prior.branches[0][given.branches] ** 2)]
-    if means.shape[1] == 8:
+    if in_space(means):
         new.append((CLIMB, np.full(len(given), prior.climb_std**2)))
     for place, variance in new:
         means[:, place] = 0.0

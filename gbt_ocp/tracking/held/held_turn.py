@@ -15,6 +15,7 @@ from gbt_ocp.tracking.gaps import Gaps, RestartingTracker
 from gbt_ocp.tracking.held.ahead import positions_ahead
 from gbt_ocp.tracking.held.bank import (
     LOG_RANGE,
+    LOG_SIZE,
     Components,
     HeldTurnPrior,
     advanced,
@@ -25,7 +26,7 @@ from gbt_ocp.tracking.held.corrections import corrected, placed, sighted
 from gbt_ocp.tracking.held.draws import let_go
 from gbt_ocp.tracking.lost import LostTrack
 from gbt_ocp.tracking.noise import SCATTER_S, BearingNoise
-from gbt_ocp.tracking.polar import WITHOUT_SIZE, checked_sighting, polar_rows
+from gbt_ocp.tracking.polar import ALL_KINDS, WITHOUT_SIZE, checked_sighting, polar_rows
 from gbt_ocp.tracking.priors import PositionPrior, unseen
 from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, mixed, mixed_at_median, relative_range_std
 from gbt_ocp.tracking.shape.moments import NodeMoments, on_both_sides
@@ -79,15 +80,14 @@ class HeldTurnTracker(RestartingTracker):
     ----------
     restarts
         How often the track was lost and begun again.
+    takes
+        Kinds of measurements that :meth:`take` takes; sizes where the prior says what is known of the true one.
 
     Raises
     ------
     ValueError
         If a parameter is out of range.
     """
-
-    takes: tuple[MeasurementKind, ...] = WITHOUT_SIZE
-    """Kinds of measurements that :meth:`take` takes: a size is no coordinate of the bank."""
 
     def __init__(
         self,
@@ -103,6 +103,7 @@ class HeldTurnTracker(RestartingTracker):
         if not (components >= 1 and gate > 0.0):
             raise ValueError(f"components and gate: found {components}, {gate}; allowed: at least 1, and above 0")
         self.dimension = dimension
+        self.takes: tuple[MeasurementKind, ...] = WITHOUT_SIZE if prior.size is None else ALL_KINDS
         self._bins = BearingBins(bin_width, max(SCATTER_S, 2.0 * bin_width), gate * noise.std)
         self._noise = noise
         self._prior = prior
@@ -157,7 +158,7 @@ class HeldTurnTracker(RestartingTracker):
         ValueError
             If the kind is not taken or the measurement is out of order; the tracker is then unchanged.
         """
-        checked_sighting(sighting, self.takes, "held_turn", self.dimension, self._latest, sized=False)
+        checked_sighting(sighting, self.takes, "held_turn", self.dimension, self._latest)
         parts, own = parts_of(sighting, self._noise.std), sighting.position
         if parts.bearing is not None and not parts.platform:
             self._seen(sighting.time, parts.bearing, own, parts)
@@ -228,7 +229,8 @@ class HeldTurnTracker(RestartingTracker):
             assert self._found is not None, "begun"
             found = self._found
             place, slopes = moved_on(found, single.time - self._now, np.zeros(self.dimension))
-            found = sighted(found, slopes, polar_rows(single, self._own + place, self._noise.std))
+            log_size = 0.0 if self._prior.size is None else found.means[:, LOG_SIZE]
+            found = sighted(found, slopes, polar_rows(single, self._own + place, self._noise.std, log_size))
             self._found, self._ahead = self._kept(found, self._now), None
 
     def _kept(self, found: Components, time: float) -> Components:
