@@ -42,8 +42,9 @@ def both_of(d, kind, **keys):
 
 
 AT_START = {d: (where(d, 0.0)[0], BearingSensor(0.1)) for d in (2, 3)}
-AHEAD = np.array([-0.8, 0.0, 0.3, 5.0, 11.0, 40.0, 150.0])
-"""Behind, on and between the nodes, and beyond all of them."""
+AHEAD = np.array([-0.83, 0.0, 0.3, 5.0, 11.0, 40.0, 150.0])
+"""Behind, on and between the nodes, and beyond all of them; never the mean time of a bin, before and after which other
+numbers of components are counted."""
 
 
 def agree(both, times, within=1e-9):

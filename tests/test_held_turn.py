@@ -22,10 +22,9 @@ from gbt_ocp.tracking.held.bank import (
     HeldTurnPrior,
     advanced,
     begun,
-    let_go,
-    merged,
 )
 from gbt_ocp.tracking.held.corrections import corrected
+from gbt_ocp.tracking.held.draws import NEW_MANNER, in_other_manners, let_go, merged
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal, PositionPrior
@@ -136,6 +135,28 @@ def test_letting_go_keeps_the_probability_and_draws_the_turn_rate_again(dimensio
     assert np.all(again.covariances[:, TURN, LOG_RANGE] == 0.0)
     everything = np.exp(given.log_weights) @ given.means[:, LOG_RANGE]
     assert np.exp(again.log_weights) @ again.means[:, LOG_RANGE] == pytest.approx(share * everything)
+
+
+@both_dimensions
+def test_another_manner_begins_at_the_speed_that_there_is(dimension):
+    """Against the linear map of the state, whose change is a draw of its own; and the shares of all manners."""
+    given = some(dimension, 6)
+    found = in_other_manners(PRIOR, given)
+    assert len(found) == 12
+    share = np.exp(found.log_weights).reshape(2, 6) / np.exp(given.log_weights)
+    np.testing.assert_allclose(share, [[1.0 - NEW_MANNER] * 6, [NEW_MANNER] * 6])
+    np.testing.assert_array_equal(found.means[:6], given.means)
+    n = given.means.shape[1]
+    into = np.eye(n)
+    into[LEVEL, CHANGE], into[CHANGE, CHANGE] = 1.0, 0.0
+    for one, other in zip(range(6), range(6, 12), strict=True):
+        turn, speed = (values[found.branches[other]] for values in PRIOR.branches)
+        assert turn == PRIOR.branches[0][given.branches[one]]
+        assert speed != PRIOR.branches[1][given.branches[one]]
+        spread = into @ given.covariances[one] @ into.T
+        spread[CHANGE, CHANGE] = speed**2
+        np.testing.assert_allclose(found.means[other], into @ given.means[one])
+        np.testing.assert_allclose(found.covariances[other], spread, atol=1e-12)
 
 
 def test_merging_is_by_moments_with_angles_across_the_cut():

@@ -222,11 +222,11 @@ class HeldTurnSection(TrackerSection):
     )
     hold_s: float = key(20.0, "Mean time in s for which a turn rate is held.", gt=0.0)
     speed_change_std: PositiveNumbers = key(
-        (0.03, 0.2), "Standard deviations of the change of log speed, averaged over."
+        (0.007, 0.04, 0.2), "Standard deviations of the change of log speed, averaged over."
     )
     speed_time_s: float = key(30.0, "Time scale of the change of log speed in s.", gt=0.0)
     climb_std: float = key(0.1, "Standard deviation of a vertical speed when it is drawn, in m/s, in space.", gt=0.0)
-    components: int = key(200, "Gaussians kept once the range is known.", ge=1)
+    components: int = key(120, "Gaussians kept once the range is known.", ge=1)
     engine: Literal["auto", "numpy", "compiled"] = engine_or_auto()
 
 

@@ -10,7 +10,7 @@
 #define OPEN_S 5.0                /* s after the first bearing in which no turn rate is let go and all starts are kept */
 #define FORGOTTEN ((gbt_real)1e-6) /* weight below which a component is dropped */
 
-static const int cold_starts[3] = {7, 3, 12}; /* ranges, speeds and courses at which a track is begun; GBT_COMPONENTS at least */
+static const int cold_starts[3] = {7, 3, 8}; /* ranges, speeds and courses at which a track is begun; GBT_COMPONENTS at least */
 
 size_t gbt_held_turn_bytes(void) { return sizeof(gbt_held_turn); }
 size_t gbt_held_turn_work_bytes(void) { return sizeof(gbt_held_turn_work); }

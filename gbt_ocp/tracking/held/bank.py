@@ -38,12 +38,6 @@ NEAREST_SQUARED = 1.0
 LEAST_COSINE = 0.05
 """Least cosine of an elevation: straight above the vehicle there is no azimuth."""
 
-CELL = (0.4, np.pi / 4.0)
-"""Log range and course within which components are taken together when the turn rate is drawn again."""
-
-RANGE_CELLS = 32
-"""How many of these there are, from 1 m to 360 km; what is nearer or farther is in the first or the last."""
-
 FORGOTTEN = 1.0e-6
 """Weight below which a component is dropped."""
 
@@ -63,7 +57,8 @@ class HeldTurnPrior:
     hold
         Mean time in seconds for which a turn rate is held.
     speed_stds
-        Standard deviations of the change of log speed; averaged over by evidence.
+        Standard deviations of the change of log speed, a manner each: a speed that is kept, one that drifts, and one
+        that varies. Averaged over by evidence; where a turn rate is drawn, the manner may be another from then on.
     speed_time
         Time scale of that change in seconds.
     climb_std
@@ -81,7 +76,7 @@ class HeldTurnPrior:
     range: LogNormal
     turn_stds: tuple[float, ...] = (0.03,)
     hold: float = 20.0
-    speed_stds: tuple[float, ...] = (0.03, 0.2)
+    speed_stds: tuple[float, ...] = (0.007, 0.04, 0.2)
     speed_time: float = 30.0
     climb_std: float = 0.1
     size: LogNormal | None = None
@@ -155,7 +150,7 @@ class Components:
         m = self.means
         r = np.exp(m[:, LOG_RANGE])
         cosine, sine = np.cos(m[:, AZIMUTH]), np.sin(m[:, AZIMUTH])
-        if not _in_space(m):
+        if not in_space(m):
             place = np.stack([r * cosine, r * sine], axis=-1)
             slopes = np.zeros((len(m), 2, m.shape[1]))
             slopes[..., AZIMUTH] = np.stack([-r * sine, r * cosine], axis=-1)
@@ -186,7 +181,8 @@ def begun(prior: HeldTurnPrior, angles: Array, variance: float, ranges: int, lev
     turn, speed = prior.branches
     n = (6 if len(angles) == 1 else 8) + (prior.size is not None)
     z, y = _grid(2.0, ranges), _grid(1.0, levels)
-    x = np.arange(courses) * 2.0 * np.pi / courses - np.pi
+    # between the borders of the cells in which turn rates are drawn again: rounding would decide on them
+    x = (np.arange(courses) + 0.5) * 2.0 * np.pi / courses - np.pi
     grid = np.stack(np.meshgrid(z, y, x, np.arange(len(turn)), indexing="ij"), axis=-1).reshape(-1, 4)
     branch = grid[:, 3].astype(np.intp)
     means, covariances = np.zeros((len(grid), n)), np.zeros((len(grid), n, n))
@@ -278,54 +274,7 @@ def advanced(prior: HeldTurnPrior, given: Components, step: float, moved: Array)
     return Components(given.log_weights, means, covariances, given.branches)
 
 
-def let_go(prior: HeldTurnPrior, given: Components, step: float) -> tuple[Components, Components]:
-    """Those that hold on to their turn rate over ``step`` seconds, and one for each cell that draws it again."""
-    share = -np.expm1(-step / prior.hold)
-    held = Components(given.log_weights + np.log1p(-share), given.means, given.covariances, given.branches)
-    m = given.means
-    log_range = np.clip(np.floor(m[:, LOG_RANGE] / CELL[0]), 0.0, RANGE_CELLS - 1.0)
-    cells = np.stack([given.branches, log_range, np.floor(wrapped(m[:, COURSE]) / CELL[1])], axis=-1)
-    _, label = np.unique(cells, axis=0, return_inverse=True)
-    again = merged(given, np.asarray(label, dtype=np.intp).ravel())
-    return held, drawn(prior, Components(again.log_weights + np.log(share), *list(vars(again).values())[1:]))
-
-
-def drawn(prior: HeldTurnPrior, given: Components) -> Components:
-    """The same with the turn rate, and the vertical speed, drawn from the prior."""
-    means, covariances = given.means.copy(), given.covariances.copy()
-    new = [(TURN, prior.branches[0][given.branches] ** 2)]
-    if _in_space(means):
-        new.append((CLIMB, np.full(len(given), prior.climb_std**2)))
-    for place, variance in new:
-        means[:, place] = 0.0
-        covariances[:, place, :] = covariances[:, :, place] = 0.0
-        covariances[:, place, place] = variance
-    return Components(given.log_weights, means, covariances, given.branches)
-
-
-def merged(given: Components, label: NDArray[np.intp]) -> Components:
-    """One Gaussian for each label 0 … G-1, with the moments of those that have it, angles near the likeliest's."""
-    top = given.log_weights.max()
-    weights = np.exp(given.log_weights - top)
-    count = int(label.max()) + 1
-    member = (label[:, None] == np.arange(count)).astype(float)
-    totals = weights @ member
-    best = np.argmax(np.where(member > 0.0, given.log_weights[:, None], -np.inf), axis=0)
-    means = given.means.copy()
-    for angle in (AZIMUTH, COURSE):
-        near = given.means[best[label], angle]
-        means[:, angle] = near + wrapped(means[:, angle] - near)
-    share = (weights[:, None] * member / np.maximum(totals, 1e-300)).T
-    mean = share @ means
-    apart = means - mean[label]
-    n = means.shape[1]
-    spread = given.covariances + apart[:, :, None] * apart[:, None, :]
-    covariance = (share @ spread.reshape(len(given), n * n)).reshape(count, n, n)
-    with np.errstate(divide="ignore"):
-        return Components(np.log(totals) + top, mean, covariance, given.branches[best])
-
-
-def _in_space(means: Array) -> bool:
+def in_space(means: Array) -> bool:
     """Whether states ``(N, n)`` have an elevation and a vertical speed."""
     return bool(means.shape[1] > CLIMB)
 

@@ -20,10 +20,10 @@ from gbt_ocp.tracking.held.bank import (
     HeldTurnPrior,
     advanced,
     begun,
-    let_go,
     moved_on,
 )
 from gbt_ocp.tracking.held.corrections import corrected, placed, sighted
+from gbt_ocp.tracking.held.draws import let_go
 from gbt_ocp.tracking.lost import LostTrack
 from gbt_ocp.tracking.noise import SCATTER_S, BearingNoise
 from gbt_ocp.tracking.polar import ALL_KINDS, WITHOUT_SIZE, checked_sighting, polar_rows
@@ -32,7 +32,7 @@ from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, mixed, mixed_a
 from gbt_ocp.tracking.shape.moments import NodeMoments, on_both_sides
 from gbt_ocp.typing import Array
 
-COLD_STARTS = (7, 3, 12)
+COLD_STARTS = (7, 3, 8)
 """Ranges, speeds and courses at which a track is begun; as many components are kept until the range is observable."""
 
 START_WIDTH = 4.0
@@ -96,7 +96,7 @@ class HeldTurnTracker(RestartingTracker):
         noise: BearingNoise,
         prior: HeldTurnPrior,
         bin_width: float = 0.5,
-        components: int = 200,
+        components: int = 120,
         gate: float = np.inf,
         position: PositionPrior | None = None,
     ) -> None:
