@@ -7,8 +7,8 @@
 
 #define D GBT_DIMENSION
 #define START_WIDTH ((gbt_real)4) /* deviations of a bearing's noise within which a track is begun about it */
-#define OPEN_S 5.0 /* s after the first bearing in which no turn rate is let go, the speed of all changes in the first manner, and
-                      all starts are kept */
+#define OPEN_S 5.001 /* s after the first bearing in which no turn rate is let go, the speed of all changes in the first manner, and
+                        all starts are kept; no time between bearings, of which rounding would decide whether it is longer */
 #define FORGOTTEN ((gbt_real)1e-6) /* weight below which a component is dropped */
 
 size_t gbt_held_turn_bytes(void) { return sizeof(gbt_held_turn); }

@@ -31,15 +31,15 @@ from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, mixed, mixed_a
 from gbt_ocp.tracking.shape.moments import NodeMoments, on_both_sides
 from gbt_ocp.typing import Array
 
-COLD_STARTS = (7, 3, 8)
+COLD_STARTS = (5, 3, 8)
 """Ranges, speeds and courses at which a track is begun."""
 
 START_WIDTH = 4.0
 """Deviations of a bearing's noise within which a track is begun about it."""
 
-OPEN_S = 5.0
+OPEN_S = 5.001
 """Seconds after the first bearing in which no component lets go of its turn rate, the speed of all changes in the first
-manner, and all starts are kept."""
+manner, and all starts are kept. No time between bearings, of which rounding would decide whether it is longer."""
 
 AHEAD_STEP = 2.0
 """Seconds between the nodes of a forecast; between them it is linear."""
