@@ -24,7 +24,7 @@ from gbt_ocp.tracking.held.bank import (
     begun,
 )
 from gbt_ocp.tracking.held.corrections import corrected
-from gbt_ocp.tracking.held.draws import NEW_MANNER, in_other_manners, let_go, merged
+from gbt_ocp.tracking.held.draws import NEW_MANNER, in_every_manner, in_other_manners, let_go, merged
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.priors import LogNormal, PositionPrior
@@ -137,14 +137,15 @@ def test_letting_go_keeps_the_probability_and_draws_the_turn_rate_again(dimensio
     assert np.exp(again.log_weights) @ again.means[:, LOG_RANGE] == pytest.approx(share * everything)
 
 
+@pytest.mark.parametrize("probability", [NEW_MANNER, 0.5])
 @both_dimensions
-def test_another_manner_begins_at_the_speed_that_there_is(dimension):
+def test_another_manner_begins_at_the_speed_that_there_is(dimension, probability):
     """Against the linear map of the state, whose change is a draw of its own; and the shares of all manners."""
     given = some(dimension, 6)
-    found = in_other_manners(PRIOR, given)
+    found = in_other_manners(PRIOR, given, probability)
     assert len(found) == 12
     share = np.exp(found.log_weights).reshape(2, 6) / np.exp(given.log_weights)
-    np.testing.assert_allclose(share, [[1.0 - NEW_MANNER] * 6, [NEW_MANNER] * 6])
+    np.testing.assert_allclose(share, [[1.0 - probability] * 6, [probability] * 6])
     np.testing.assert_array_equal(found.means[:6], given.means)
     n = given.means.shape[1]
     into = np.eye(n)
@@ -192,7 +193,11 @@ def test_starts_cover_the_prior(dimension):
     assert np.sqrt(spread) == pytest.approx(0.7, rel=0.02)
     speed = found.weights @ (found.covariances[:, LEVEL, LEVEL] + apart[:, LEVEL] ** 2)
     assert np.sqrt(speed) == pytest.approx(0.5, rel=0.02)
-    assert np.bincount(found.branches).tolist() == [7 * 3 * 12] * 4
+    assert np.bincount(found.branches).tolist() == [7 * 3 * 12, 0, 7 * 3 * 12]
+    every = in_every_manner(PRIOR, found)
+    assert np.bincount(every.branches).tolist() == [7 * 3 * 12] * 4
+    assert np.bincount(every.branches, every.weights) == pytest.approx([0.25] * 4)
+    assert every.weights @ every.means[:, LEVEL] == pytest.approx(found.weights @ found.means[:, LEVEL])
 
 
 def orbit(t, dimension, radius=35.0, rate=0.08):

@@ -77,8 +77,9 @@ def test_a_ping_is_the_product_of_the_densities_of_log_range(first):
     for mean, weight in zip(places, np.bincount(which, prior.weights), strict=True):
         density += weight * np.exp(-0.5 * (x - mean) ** 2 / variance)
     value, found = ping.value[0], moments(tracker._found, LOG_RANGE)
-    # the ping as it is taken, normal in its logarithm; and as it is, normal in metres, of which it is 5 %
-    for off, close in (((np.log(value) - x) * value / 2.0, 1e-6), ((value - np.exp(x)) / 2.0, 0.1)):
+    # the ping as it is taken, normal in its logarithm, but for starts that are forgotten; and as it is, normal in
+    # metres, of which it is 5 %
+    for off, close in (((np.log(value) - x) * value / 2.0, 1e-5), ((value - np.exp(x)) / 2.0, 0.1)):
         posterior = density * np.exp(-0.5 * off**2)
         posterior /= posterior.sum()
         mean = posterior @ x

@@ -13,6 +13,7 @@ from gbt_ocp.tracking.filters.binned import BinnedFilter
 from gbt_ocp.tracking.filters.ekf import FirstGuess, ImmExtendedTracker
 from gbt_ocp.tracking.held.held_turn import (
     AHEAD_STEP,
+    COLD_STARTS,
     LONGEST_AHEAD,
     HeldTurnTracker,
 )
@@ -103,7 +104,8 @@ def held_turn_in_c(tracker: HeldTurnTracker, samples: Callable[[float], int]) ->
         },
         "noise": noise_in_c(noise),
         "binning": _binning(bins, noise),
-        "components": components[0],
+        "starts": np.array(COLD_STARTS, dtype=np.int32),
+        "components": components,
         **known_position(position),
     }
     sizes = {
@@ -113,7 +115,7 @@ def held_turn_in_c(tracker: HeldTurnTracker, samples: Callable[[float], int]) ->
         "OTHERS": samples(bins.width),
         "TURN_STDS": len(prior.turn_stds),
         "SPEED_STDS": len(prior.speed_stds),
-        "COMPONENTS": components[1],
+        "COMPONENTS": max(components, math.prod(COLD_STARTS) * len(prior.turn_stds)),
         "HELD_NODES": math.ceil(LONGEST_AHEAD / AHEAD_STEP) + 1,
     }
     return settings, sizes

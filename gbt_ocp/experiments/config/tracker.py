@@ -226,7 +226,7 @@ class HeldTurnSection(TrackerSection):
     )
     speed_time_s: float = key(30.0, "Time scale of the change of log speed in s.", gt=0.0)
     climb_std: float = key(0.1, "Standard deviation of a vertical speed when it is drawn, in m/s, in space.", gt=0.0)
-    components: int = key(120, "Gaussians kept once the range is known.", ge=1)
+    components: int = key(120, "Gaussians kept after the first 5 s of a track.", ge=1)
     engine: Literal["auto", "numpy", "compiled"] = engine_or_auto()
 
 

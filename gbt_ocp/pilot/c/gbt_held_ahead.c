@@ -91,7 +91,7 @@ static void moments_at(const gbt_ahead *ahead, const gbt_fading *fading, const g
 void gbt_ahead_begin(gbt_ahead *ahead, const gbt_held_prior *prior, const gbt_fading *fading, int nodes,
                      const gbt_component *one, gbt_real *mean, gbt_real *covariance)
 {
-    const gbt_real turn = prior->turn_std[one->branch / GBT_SPEED_STDS], speed = prior->speed_std[one->branch % GBT_SPEED_STDS];
+    const gbt_real turn = gbt_turn_std(prior, one->branch), speed = gbt_speed_std(prior, one->branch);
     gbt_bank_position(one, ahead->start, ahead->polar);
     held_draws(fading->left, nodes, mean_square(one, GBT_AT_TURN), turn * turn, ahead->turn_draw);
     for (int k = 0; k < nodes; k++) ahead->speed_draw[k] = speed * speed * (1 - fading->kept[k] * fading->kept[k]);

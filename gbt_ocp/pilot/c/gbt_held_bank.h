@@ -16,12 +16,6 @@ enum { GBT_AT_AZIMUTH, GBT_AT_LOG_RANGE, GBT_AT_COURSE, GBT_AT_TURN, GBT_AT_LEVE
 #define GBT_AT_SIZE (2 * GBT_DIMENSION + 2)           /* of the log of the size */
 #define GBT_HELD (GBT_AT_SIZE + GBT_SIZED)            /* numbers of a state: 6, or 8 in space, and the size's */
 #define GBT_BRANCHES (GBT_TURN_STDS * GBT_SPEED_STDS) /* pairs of deviations */
-#define GBT_FARTHEST_CELL 10                          /* of log range from that of the likeliest, within which, and courses, */
-#define GBT_RANGE_CELLS (2 * GBT_FARTHEST_CELL + 1)   /* components are taken together when the turn rate is drawn again */
-#define GBT_COURSE_CELLS 8
-#define GBT_ALL_CELLS (GBT_BRANCHES * GBT_RANGE_CELLS * GBT_COURSE_CELLS)
-#define GBT_CELLS                                                                                                            \
-    (GBT_COMPONENTS * GBT_SPEED_STDS < GBT_ALL_CELLS ? GBT_COMPONENTS * GBT_SPEED_STDS : GBT_ALL_CELLS) /* with components */
 
 #define GBT_HELD_AT(i, j) ((i) >= (j) ? GBT_ROW_BEGIN(i) + (j) : GBT_ROW_BEGIN(j) + (i)) /* place in a covariance */
 #define GBT_LARGEST_LOG_SPEED ((gbt_real)3.4011973816621555) /* log of 30 m/s, while nothing has told the speed */
@@ -45,10 +39,15 @@ typedef struct {
     int branch; /* the pair of deviations that it belongs to */
 } gbt_component;
 
+/* Deviations of the turn rate and of the change of log speed under a branch. */
+gbt_real gbt_turn_std(const gbt_held_prior *prior, int branch);
+gbt_real gbt_speed_std(const gbt_held_prior *prior, int branch);
+
 /* An angle in [-pi, pi). */
 gbt_real gbt_wrapped(gbt_real angle);
 
-/* Number k of the components of a grid of ranges, speeds and courses on a first bearing, under every branch. */
+/* Number k of the components of a grid of ranges, speeds and courses on a first bearing, under every deviation of the turn
+   rate and the first manner of changing the speed. */
 void gbt_bank_start(const gbt_held_prior *prior, const gbt_real *angles, gbt_real variance, const int *grid, int k,
                     gbt_component *one);
 
@@ -62,19 +61,6 @@ void gbt_bank_move(const gbt_component *one, gbt_real step, const gbt_real *move
 /* Position relative to the vehicle at the mode, and its covariance; slopes by azimuth, log range(, elevation). */
 void gbt_bank_position(const gbt_component *one, gbt_real *place, gbt_real slopes[GBT_DIMENSION][GBT_DIMENSION]);
 void gbt_bank_spread(const gbt_component *one, gbt_real slopes[GBT_DIMENSION][GBT_DIMENSION], gbt_real *covariance);
-
-/* What drawing again works on. */
-typedef struct {
-    short number[GBT_ALL_CELLS];    /* of a cell among those that have components, counted from 1; 0 without any */
-    short place[GBT_COMPONENTS];    /* of each component, by range and course */
-    short best[GBT_CELLS];          /* the likeliest component of each cell */
-    gbt_real total[GBT_CELLS];      /* and the weight of all of its components */
-} gbt_cells;
-
-/* One component for each cell that has some, with their moments and its turn rate, and vertical speed, drawn again, whose
-   weight is a share of theirs; in a few of them the speed changes in another manner from now on. Returns how many. */
-int gbt_bank_draw_again(const gbt_held_prior *prior, const gbt_component *given, int count, gbt_real share,
-                        gbt_cells *cells, gbt_component *again);
 
 GBT_END_C
 

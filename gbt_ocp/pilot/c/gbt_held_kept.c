@@ -74,15 +74,14 @@ int gbt_held_at_median(gbt_real total, gbt_real mean, gbt_real square)
     return gbt_sqrt(gbt_fmax(square / total - mean / total * (mean / total), 0)) > GBT_RANGE_OBSERVABLE;
 }
 
-/* Whether so many components, with the weights in the workspace, are. */
-static int wide(gbt_held_turn *tracker, gbt_held_turn_work *work, int again)
+/* Whether those that are kept, with the weights in the workspace, are. */
+static int wide(const gbt_held_turn *tracker, const gbt_held_turn_work *work)
 {
     const gbt_real near = tracker->component[0].mean[GBT_AT_LOG_RANGE];
     gbt_real total = 0, mean = 0, square = 0;
-    for (int k = 0; k < tracker->count + again; k++) {
-        const int slot = k < tracker->count ? k : k - tracker->count + GBT_COMPONENTS;
-        const gbt_component *one = gbt_held_at(tracker, work, slot);
-        const gbt_real weight = work->weight[slot], off = one->mean[GBT_AT_LOG_RANGE] - near;
+    for (int k = 0; k < tracker->count; k++) {
+        const gbt_component *one = &tracker->component[k];
+        const gbt_real weight = work->weight[k], off = one->mean[GBT_AT_LOG_RANGE] - near;
         total += weight;
         mean += weight * off;
         square += weight * (one->covariance[GBT_HELD_AT(GBT_AT_LOG_RANGE, GBT_AT_LOG_RANGE)] + off * off);
@@ -90,18 +89,17 @@ static int wide(gbt_held_turn *tracker, gbt_held_turn_work *work, int again)
     return gbt_held_at_median(total, mean, square);
 }
 
-/* Whether so many components tell the range to a quarter. */
-int gbt_held_observable(gbt_held_turn *tracker, gbt_held_turn_work *work, int again)
+/* Whether the components that are kept tell the range to a quarter. */
+int gbt_held_observable(const gbt_held_turn *tracker, const gbt_held_turn_work *work)
 {
     gbt_real mean[D], covariance[D * D], slopes[D][D];
     gbt_mixed mixed;
-    gbt_mixed_begin(&mixed, wide(tracker, work, again));
-    for (int k = 0; k < tracker->count + again; k++) {
-        const int slot = k < tracker->count ? k : k - tracker->count + GBT_COMPONENTS;
-        const gbt_component *one = gbt_held_at(tracker, work, slot);
+    gbt_mixed_begin(&mixed, wide(tracker, work));
+    for (int k = 0; k < tracker->count; k++) {
+        const gbt_component *one = &tracker->component[k];
         gbt_bank_position(one, mean, slopes);
         gbt_bank_spread(one, slopes, covariance);
-        gbt_mixed_add(&mixed, work->weight[slot], mean, covariance);
+        gbt_mixed_add(&mixed, work->weight[k], mean, covariance);
     }
     gbt_mixed_moments(&mixed, mean, covariance);
     return gbt_relative_range_std(mean, covariance, D) < GBT_RANGE_OBSERVABLE;
@@ -111,7 +109,7 @@ int gbt_held_observable(gbt_held_turn *tracker, gbt_held_turn_work *work, int ag
 void gbt_held_look_ahead(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work)
 {
     const int most = tracker->count < AHEAD_MOST ? tracker->count : AHEAD_MOST;
-    const int median = wide(tracker, work, 0);
+    const int median = wide(tracker, work);
     gbt_real mean[D], covariance[D * D];
     gbt_fading_begin(&settings->prior, tracker->nodes, &work->fading);
     for (int node = 0; node < tracker->nodes; node++) gbt_mixed_begin(&work->mixed[node], median);

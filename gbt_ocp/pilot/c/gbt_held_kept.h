@@ -19,8 +19,8 @@ void gbt_held_keep_likeliest(gbt_held_turn *tracker, gbt_held_turn_work *work, i
    weighed mean and the weighed mean square are given, is large. */
 int gbt_held_at_median(gbt_real total, gbt_real mean, gbt_real square);
 
-/* Whether so many components tell the range to a quarter. */
-int gbt_held_observable(gbt_held_turn *tracker, gbt_held_turn_work *work, int again);
+/* Whether the components that are kept tell the range to a quarter. */
+int gbt_held_observable(const gbt_held_turn *tracker, const gbt_held_turn_work *work);
 
 /* What is known of now and ahead, of the components that are kept. */
 void gbt_held_look_ahead(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work);

@@ -7,10 +7,9 @@
 
 #define D GBT_DIMENSION
 #define START_WIDTH ((gbt_real)4) /* deviations of a bearing's noise within which a track is begun about it */
-#define OPEN_S 5.0                /* s after the first bearing in which no turn rate is let go and all starts are kept */
+#define OPEN_S 5.001 /* s after the first bearing in which no turn rate is let go, the speed of all changes in the first manner, and
+                        all starts are kept; no time between bearings, of which rounding would decide whether it is longer */
 #define FORGOTTEN ((gbt_real)1e-6) /* weight below which a component is dropped */
-
-static const int cold_starts[3] = {7, 3, 8}; /* ranges, speeds and courses at which a track is begun; GBT_COMPONENTS at least */
 
 size_t gbt_held_turn_bytes(void) { return sizeof(gbt_held_turn); }
 size_t gbt_held_turn_work_bytes(void) { return sizeof(gbt_held_turn_work); }
@@ -56,10 +55,11 @@ static void start(gbt_held_turn *tracker, const gbt_held_turn_settings *settings
 {
     const gbt_bearing_noise *noise = &settings->noise;
     const gbt_real white = noise->std * noise->std + noise->correlated_std * noise->correlated_std;
+    const int *starts = settings->starts;
     gbt_real angles[GBT_AXES], position[D];
     gbt_angles_of(bearing, angles);
     tracker->found = 1;
-    tracker->count = cold_starts[0] * cold_starts[1] * cold_starts[2] * GBT_BRANCHES;
+    tracker->count = starts[0] * starts[1] * starts[2] * GBT_TURN_STDS;
     tracker->now = tracker->first = time;
     for (int j = 0; j < D; j++) {
         tracker->own[j] = own[j];
@@ -67,16 +67,17 @@ static void start(gbt_held_turn *tracker, const gbt_held_turn_settings *settings
     }
     for (int k = 0; k < tracker->count; k++) {
         gbt_component *one = &tracker->component[k];
-        gbt_bank_start(&settings->prior, angles, START_WIDTH * START_WIDTH * white, cold_starts, k, one);
+        gbt_bank_start(&settings->prior, angles, START_WIDTH * START_WIDTH * white, starts, k, one);
         if (tracker->known) gbt_bank_place(one, position, settings->known_covariance[0]);
     }
     gbt_held_weigh(tracker, work, 0);
     gbt_held_keep_likeliest(tracker, work, 0, tracker->count, -1);
-    tracker->observable = gbt_held_observable(tracker, work, 0);
+    tracker->observable = gbt_held_observable(tracker, work);
     gbt_held_look_ahead(tracker, settings, work);
 }
 
-/* Carries the components to a time, if that is to come, with the vehicle at `own`; returns how many draw again. */
+/* Carries the components to a time, if that is to come, with the vehicle at `own`; returns how many draw again, or begin in another
+   manner. */
 static int carry(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work, double time,
                  const gbt_real *own)
 {
@@ -86,7 +87,9 @@ static int carry(gbt_held_turn *tracker, const gbt_held_turn_settings *settings,
     int again = 0;
     if (!(seconds > 0)) return 0;
     for (int j = 0; j < D; j++) moved[j] = own[j] - tracker->own[j];
-    if (time - tracker->first > OPEN_S) {
+    if (time - tracker->first > OPEN_S && tracker->now - tracker->first <= OPEN_S) {
+        again = gbt_bank_other_manners(&settings->prior, tracker->component, held, work->again);
+    } else if (time - tracker->first > OPEN_S) {
         const gbt_real share = -gbt_expm1(-seconds / settings->prior.hold);
         again = gbt_bank_draw_again(&settings->prior, tracker->component, held, share, &work->cells, work->again);
         for (int k = 0; k < held; k++) tracker->component[k].log_weight += gbt_log1p(-share);
@@ -96,12 +99,10 @@ static int carry(gbt_held_turn *tracker, const gbt_held_turn_settings *settings,
     return again;
 }
 
-/* Keeps the likeliest, of weighed ones: all starts for a while, and more of them until the range is observable. */
+/* Keeps the likeliest, of weighed ones; all starts for a while. */
 static void keep(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work, int again, double time)
 {
-    const int open = time - tracker->first <= OPEN_S;
-    int most = GBT_COMPONENTS;
-    if (!open && gbt_held_observable(tracker, work, again)) most = settings->components;
+    const int most = time - tracker->first <= OPEN_S ? GBT_COMPONENTS : settings->components;
     gbt_held_keep_likeliest(tracker, work, again, most, FORGOTTEN);
 }
 
@@ -109,7 +110,7 @@ static void keep(gbt_held_turn *tracker, const gbt_held_turn_settings *settings,
 static void look(gbt_held_turn *tracker, const gbt_held_turn_settings *settings, gbt_held_turn_work *work)
 {
     gbt_held_weigh(tracker, work, 0);
-    tracker->observable = gbt_held_observable(tracker, work, 0);
+    tracker->observable = gbt_held_observable(tracker, work);
     gbt_held_look_ahead(tracker, settings, work);
 }
 

@@ -9,6 +9,7 @@
 
 #include "gbt_gaps.h"
 #include "gbt_held_ahead.h"
+#include "gbt_held_draws.h"
 #include "gbt_waiting.h"
 #include "gbt_lost.h"
 #include "gbt_mixed.h"
@@ -22,7 +23,8 @@ typedef struct {
     gbt_held_prior prior;
     gbt_bearing_noise noise;
     gbt_binning binning;
-    int components; /* kept once the range is observable */
+    int starts[3];  /* ranges, speeds and courses at which a track is begun, under each deviation of the turn rate */
+    int components; /* kept once it has begun */
     int known;      /* 1: the position at the first bearing is known */
     gbt_real known_mean[GBT_DIMENSION], known_covariance[GBT_DIMENSION][GBT_DIMENSION];
 } gbt_held_turn_settings;

@@ -165,7 +165,9 @@ class Components:
 
 
 def begun(prior: HeldTurnPrior, angles: Array, variance: float, ranges: int, levels: int, courses: int) -> Components:
-    """Components at several ranges, speeds and courses on a first bearing, under every branch.
+    """Components at several ranges, speeds and courses on a first bearing, under every deviation of the turn rate.
+
+    The speed of all of them changes in the first manner; it takes a while until that tells them apart.
 
     Parameters
     ----------
@@ -179,11 +181,12 @@ def begun(prior: HeldTurnPrior, angles: Array, variance: float, ranges: int, lev
         How many of each.
     """
     turn, speed = prior.branches
+    firsts = np.arange(0, len(turn), len(prior.speed_stds))
     n = (6 if len(angles) == 1 else 8) + (prior.size is not None)
     z, y = _grid(2.0, ranges), _grid(1.0, levels)
     # between the borders of the cells in which turn rates are drawn again: rounding would decide on them
     x = (np.arange(courses) + 0.5) * 2.0 * np.pi / courses - np.pi
-    grid = np.stack(np.meshgrid(z, y, x, np.arange(len(turn)), indexing="ij"), axis=-1).reshape(-1, 4)
+    grid = np.stack(np.meshgrid(z, y, x, firsts, indexing="ij"), axis=-1).reshape(-1, 4)
     branch = grid[:, 3].astype(np.intp)
     means, covariances = np.zeros((len(grid), n)), np.zeros((len(grid), n, n))
     means[:, AZIMUTH] = angles[0]

@@ -34,7 +34,7 @@ def let_go(prior: HeldTurnPrior, given: Components, step: float) -> tuple[Compon
     """Those that hold on to their turn rate over ``step`` seconds, and one for each cell that draws it again."""
     share = -np.expm1(-step / prior.hold)
     held = Components(given.log_weights + np.log1p(-share), given.means, given.covariances, given.branches)
-    given = in_other_manners(prior, given)
+    given = in_other_manners(prior, given, NEW_MANNER)
     m = given.means
     log_range = np.floor(m[:, LOG_RANGE] / CELL[0])
     log_range = np.clip(log_range - log_range[np.argmax(given.log_weights)], -FARTHEST_CELL, FARTHEST_CELL)
@@ -44,8 +44,13 @@ def let_go(prior: HeldTurnPrior, given: Components, step: float) -> tuple[Compon
     return held, drawn(prior, Components(again.log_weights + np.log(share), *list(vars(again).values())[1:]))
 
 
-def in_other_manners(prior: HeldTurnPrior, given: Components) -> Components:
-    """Those that let go: the same manner of changing the speed, and with :data:`NEW_MANNER` each other one.
+def in_every_manner(prior: HeldTurnPrior, given: Components) -> Components:
+    """Those that began in one manner of changing the speed, and as likely in each other one."""
+    return in_other_manners(prior, given, 1.0 - 1.0 / len(prior.speed_stds))
+
+
+def in_other_manners(prior: HeldTurnPrior, given: Components, probability: float) -> Components:
+    """Those given, and with a probability in other manners of changing the speed: in each of them alike.
 
     Another manner begins at the speed that there is: its level is that, and the change from it is drawn. None begins
     from what would be :data:`~gbt_ocp.tracking.held.bank.FORGOTTEN` with its share.
@@ -53,7 +58,7 @@ def in_other_manners(prior: HeldTurnPrior, given: Components) -> Components:
     manners = len(prior.speed_stds)
     if manners == 1:
         return given
-    kept = Components(given.log_weights + np.log1p(-NEW_MANNER), *list(vars(given).values())[1:])
+    kept = Components(given.log_weights + np.log1p(-probability), *list(vars(given).values())[1:])
     turn, manner = np.divmod(given.branches, manners)
     means, covariances = given.means.copy(), given.covariances.copy()
     means[:, LEVEL] += means[:, CHANGE]
@@ -61,7 +66,7 @@ def in_other_manners(prior: HeldTurnPrior, given: Components) -> Components:
     covariances[:, :, LEVEL] += covariances[:, :, CHANGE]
     means[:, CHANGE] = 0.0
     covariances[:, CHANGE, :] = covariances[:, :, CHANGE] = 0.0
-    share = NEW_MANNER / (manners - 1)
+    share = probability / (manners - 1)
     some = share * np.exp(given.log_weights - given.log_weights.max()) > FORGOTTEN
     for further in range(1, manners):
         branches = turn * manners + (manner + further) % manners

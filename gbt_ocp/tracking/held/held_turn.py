@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -23,7 +22,7 @@ from gbt_ocp.tracking.held.bank import (
     moved_on,
 )
 from gbt_ocp.tracking.held.corrections import corrected, placed, sighted
-from gbt_ocp.tracking.held.draws import let_go
+from gbt_ocp.tracking.held.draws import in_every_manner, let_go
 from gbt_ocp.tracking.lost import LostTrack
 from gbt_ocp.tracking.noise import SCATTER_S, BearingNoise
 from gbt_ocp.tracking.polar import ALL_KINDS, WITHOUT_SIZE, checked_sighting, polar_rows
@@ -32,14 +31,15 @@ from gbt_ocp.tracking.protocol import RANGE_OBSERVABLE, Forecast, mixed, mixed_a
 from gbt_ocp.tracking.shape.moments import NodeMoments, on_both_sides
 from gbt_ocp.typing import Array
 
-COLD_STARTS = (7, 3, 8)
-"""Ranges, speeds and courses at which a track is begun; as many components are kept until the range is observable."""
+COLD_STARTS = (5, 3, 8)
+"""Ranges, speeds and courses at which a track is begun."""
 
 START_WIDTH = 4.0
 """Deviations of a bearing's noise within which a track is begun about it."""
 
-OPEN_S = 5.0
-"""Seconds after the first bearing in which no component lets go of its turn rate and all starts are kept."""
+OPEN_S = 5.001
+"""Seconds after the first bearing in which no component lets go of its turn rate, the speed of all changes in the first
+manner, and all starts are kept. No time between bearings, of which rounding would decide whether it is longer."""
 
 AHEAD_STEP = 2.0
 """Seconds between the nodes of a forecast; between them it is linear."""
@@ -69,7 +69,7 @@ class HeldTurnTracker(RestartingTracker):
     bin_width
         Width of a bin in seconds.
     components
-        Gaussians kept once the range is observable.
+        Gaussians kept once a track has begun.
     gate
         Standardised residual from which a bearing counts as a stray one (see
         :class:`~gbt_ocp.tracking.bins.BearingBins`); infinity trusts all of them.
@@ -108,15 +108,14 @@ class HeldTurnTracker(RestartingTracker):
         self._noise = noise
         self._prior = prior
         self._most = components
-        self._most_open = max(components, math.prod(COLD_STARTS) * len(prior.branches[0]))
         self._gaps = Gaps(span=SCATTER_S)
         self.restarts = 0
         self._begin(PositionPrior(np.zeros(dimension)) if position is None else position)
 
     @property
-    def settings(self) -> tuple[HeldTurnPrior, BearingNoise, BearingBins, tuple[int, int], PositionPrior]:
-        """Priors, noise and bins; how many components are kept, then and before; and where a track begins."""
-        return self._prior, self._noise, self._bins, (self._most, self._most_open), self._position
+    def settings(self) -> tuple[HeldTurnPrior, BearingNoise, BearingBins, int, PositionPrior]:
+        """Priors, noise and bins; how many components are kept; and where a track begins."""
+        return self._prior, self._noise, self._bins, self._most, self._position
 
     def _begin(self, position: PositionPrior) -> None:
         self._bins.clear()
@@ -211,7 +210,9 @@ class HeldTurnTracker(RestartingTracker):
         """The components at a time in seconds after now, with the vehicle at ``own`` ``(d,)``."""
         assert self._found is not None, "begun"
         step, found = time - self._now, self._found
-        if time - self._first > OPEN_S:
+        if time - self._first > OPEN_S >= self._now - self._first:
+            found = in_every_manner(self._prior, found)
+        elif time - self._first > OPEN_S:
             held, again = let_go(self._prior, found, step)
             found = held.joined(again)
         return advanced(self._prior, found, step, own - self._own)
@@ -234,9 +235,8 @@ class HeldTurnTracker(RestartingTracker):
             self._found, self._ahead = self._kept(found, self._now), None
 
     def _kept(self, found: Components, time: float) -> Components:
-        """The likeliest components: all starts for a while, and more of them until the range is observable."""
-        open_ = time - self._first <= OPEN_S
-        return found.likeliest(len(found) if open_ else self._most if self._observable(found) else self._most_open)
+        """The likeliest components; all starts for a while."""
+        return found.likeliest(len(found) if time - self._first <= OPEN_S else self._most)
 
     def _step(self) -> None:
         """Take in the newest bin, now that it is full."""
