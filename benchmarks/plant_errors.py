@@ -79,7 +79,7 @@ def main() -> None:
     for override in options.overrides:
         key, _, text = override.partition("=")
         own[key] = parse(text, override)[0]
-    print("| " + " | ".join(HEAD) + " |\n|" + "---|" * len(HEAD))
+    table = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)]
     for configuration in options.configurations:
         chosen, folder = plants(configuration), options.out / configuration
         known = (folder / "sweep.json").is_file()
@@ -90,7 +90,8 @@ def main() -> None:
         error = "relative_error" if configuration.startswith("sea") else "error_settled"
         groups = [done.rows[k * options.seeds : (k + 1) * options.seeds] for k in range(len(chosen))]
         for name, rows in zip(chosen, groups, strict=True):
-            print(line([configuration, name], rows, groups[0], error), flush=True)
+            table.append(line([configuration, name], rows, groups[0], error))
+    print("\n".join(table))
 
 
 if __name__ == "__main__":

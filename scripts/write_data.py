@@ -106,6 +106,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     tables = tables_in("\n".join(path.read_text(encoding="utf-8", errors="replace") for path in chosen.output))
     if not tables:
         parser.error(f"{chosen.output[0]}: found no table; allowed: texts with Markdown tables")
+    for name, table in tables.items():
+        if not table["rows"]:  # as where something else is printed between its head and its rows
+            parser.error(f"{chosen.output[0]}: found a table '{name}' without rows; allowed: tables with rows")
     content = described(tables, json.loads(chosen.result.read_text(encoding="utf-8")))
     write(chosen.data / f"{chosen.name}.json", content)
 

@@ -104,3 +104,14 @@ def test_data_is_written_from_what_a_command_printed(tmp_path):
     }
     assert found["command"] == ["python benchmarks/x.py --seeds 4"]
     assert found["versions"] == {"python": "3.11", "numpy": "2.1"}
+
+
+def test_a_table_without_rows_is_refused_and_not_written(tmp_path, capsys):
+    """As where a progress bar stands between its head and its rows."""
+    (tmp_path / "output.txt").write_text("| case | m |\n|---|---|\nsweep: 100%\n| 1 | 0.5 |\n", encoding="utf-8")
+    with pytest.raises(SystemExit):
+        write_data.main(
+            [str(tmp_path / "output.txt"), "--name", "half", "--result", "none", "--data", str(tmp_path / "data")]
+        )
+    assert "found a table 'table' without rows" in capsys.readouterr().err
+    assert not (tmp_path / "data").exists()

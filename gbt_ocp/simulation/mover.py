@@ -23,7 +23,7 @@ from gbt_ocp.pilot.plan_follower import ON_PLAN, PlanFollower
 from gbt_ocp.pilot.setpoint import setpoint_of
 from gbt_ocp.pilot.shot_follower import ShotFollower
 from gbt_ocp.simulation.autopilot import Autopilot
-from gbt_ocp.simulation.plant import Motion, Plant, gives_power
+from gbt_ocp.simulation.plant import Held, Motion, Plant, gives_power
 from gbt_ocp.typing import Array
 
 GRID = 101
@@ -197,7 +197,7 @@ class Mover:
         before = self._motion.work
         last = thrust if until is None else until
         if until is None or np.array_equal(thrust, until):
-            end = self._motion.advance(state, lambda s: thrust, self._period)
+            end = self._motion.advance(state, Held(thrust), self._period)
         else:
             end = self._motion.advance(state, lambda s: thrust + (last - thrust) * (s / self._period), self._period)
         power = (self._motion.work - before) / self._period
@@ -257,7 +257,7 @@ class Mover:
         before = self._motion.work
         for _ in range(samples(self._period)):
             asked.append(thrust(*self._vehicle.flat(state)))
-            state = self._motion.advance(state, lambda s, held=asked[-1]: held, step)  # type: ignore[misc]
+            state = self._motion.advance(state, Held(asked[-1]), step)
         return state, np.array(asked), (self._motion.work - before) / self._period
 
     def _moved(

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.models.driven import DrivenBody
-from gbt_ocp.models.fossen import FossenParameters, rotation
+from gbt_ocp.models.fossen import FossenParameters, FossenVehicle, rotation
 from gbt_ocp.models.sizes import not_negative
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.simulation.flow import Flow, SlowProcess
+from gbt_ocp.simulation.held_inputs import ABSOLUTE, RELATIVE, HeldInputs
 from gbt_ocp.typing import Array
 
 CORRELATION_S = 20.0
@@ -111,6 +112,17 @@ Command = Callable[[float], Array]
 """Inputs ``(m,)`` within their limits, by the seconds since they were given."""
 
 
+@dataclass(frozen=True)
+class Held:
+    """A command that stays what it is: inputs ``(m,)``."""
+
+    inputs: Array
+
+    def __call__(self, seconds: float) -> Array:
+        """The inputs."""
+        return self.inputs
+
+
 class Motion:
     """Integrates a plant on and on: its thrusters and the force on it remember what was before.
 
@@ -133,11 +145,14 @@ class Motion:
         idle = np.zeros(plant.vehicle.thrust_max.size)
         self._acting = idle
         self._factor = np.broadcast_to(np.asarray(plant.thrust, dtype=float), idle.shape)
-        self._commands: deque[tuple[float, Command]] = deque([(-np.inf, lambda s: idle)])
+        self._commands: deque[tuple[float, Command]] = deque([(-np.inf, Held(idle))])
         self._constant = None if plant.force is None else np.asarray(plant.force, dtype=float)
         self._slow = None
         if plant.force_std > 0.0 and plant.rng is not None:
             self._slow = SlowProcess(plant.force_std, plant.vehicle.position_dimension, plant.rng, CORRELATION_S)
+        self._held = None
+        if isinstance(plant.vehicle, FossenVehicle) and self._slow is None:
+            self._held = HeldInputs(plant.vehicle, plant.lag, self._constant)
 
     def advance(self, state: Array, command: Command, duration: float) -> Array:
         """The state after ``duration`` seconds in which the command is given, both over ground."""
@@ -186,6 +201,11 @@ class Motion:
     def _stretch(self, x: Array, size: int, command: Command, age: float, begin: float, end: float) -> Array:
         """Integrate from ``begin`` to ``end`` under one command, which is ``age`` seconds older than this period."""
         vehicle, lag, factor, began = self.plant.vehicle, self.plant.lag, self._factor, self._time
+        if self._held is not None and isinstance(command, Held):
+            reached = self._held.advance(x, factor * command.inputs, end - begin)
+            if reached is not None:
+                self.work += reached[1]
+                return reached[0]
         pushed = self._constant is not None or self._slow is not None
 
         def rates(s: float, x: Array) -> Array:
@@ -198,12 +218,12 @@ class Motion:
         from scipy.integrate import solve_ivp  # takes half a second to import, which other ways do not need
 
         measured = not np.isnan(self.work)
-        found = solve_ivp(rates, (begin, end), x, rtol=1e-8, atol=1e-10, dense_output=measured)
+        found = solve_ivp(rates, (begin, end), x, rtol=RELATIVE, atol=ABSOLUTE, dense_output=measured)
         if found.sol is not None:
             times = np.linspace(begin, end, POWER_POINTS)
-            reached = list(zip(times, found.sol(times).T, strict=True))
-            acting = [y[size:] if lag > 0.0 else factor * command(s + age) for s, y in reached]
-            power = np.array([power_of(vehicle, y[:size], a) for (_, y), a in zip(reached, acting, strict=True)])
+            points = list(zip(times, found.sol(times).T, strict=True))
+            acting = [y[size:] if lag > 0.0 else factor * command(s + age) for s, y in points]
+            power = np.array([power_of(vehicle, y[:size], a) for (_, y), a in zip(points, acting, strict=True)])
             self.work += float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(times)))
         return np.asarray(found.y[:, -1])
 
