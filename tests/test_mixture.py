@@ -280,7 +280,7 @@ def test_the_keys_of_the_motion_survive_the_change_of_kind():
     shipped, alone = load_config("sea2d"), load_config("sea2d", ["tracker.kind=motion_gp"])
     told, kept = alone.tracker.model_dump(), shipped.tracker.model_dump()
     shared = kept.keys() & told.keys() - {"kind", "engine"}  # their engines differ by default
-    assert told.keys() - shared == {"kind", "engine", "size"}  # the size has no place in a mixture
+    assert told.keys() - shared == {"kind", "engine"}
     assert {name: told[name] for name in shared} == {name: kept[name] for name in shared}
     back = load_config("sea2d", ["tracker.evidence_s=9", "tracker.kind=motion_gp", "tracker.kind=mixture"])
     assert back.tracker == shipped.tracker
