@@ -92,8 +92,8 @@ FALCON_3D = FossenParameters(
 """The Falcon with heave: section 5.1 of the paper."""
 
 
-def _along_body(c: Any, s: Any, dz: Any) -> list[Any]:
-    """The components of ν at a yaw of that cosine and sine."""
+def along_body(c: Any, s: Any, dz: Any) -> list[Any]:
+    """Components of an earth-frame vector ``(n,)`` along the body's axes, at a yaw of that cosine and sine."""
     rest = [dz[index] for index in range(2, dz.shape[0])]
     return [c * dz[0] + s * dz[1], -s * dz[0] + c * dz[1], *rest]
 
@@ -145,7 +145,7 @@ class FossenVehicle:
         """
         c, s, r = ca.cos(z[-1]), ca.sin(z[-1]), dz[-1]
         heave_rate = [ddz[2]] if self.flat_dimension == 4 else []
-        u, v, *others = _along_body(c, s, dz)
+        u, v, *others = along_body(c, s, dz)
         # J̇ᵀż is the turn of the body frame: (r v, -r u)
         u_rate = c * ddz[0] + s * ddz[1] + r * v
         v_rate = -s * ddz[0] + c * ddz[1] - r * u
@@ -158,7 +158,7 @@ class FossenVehicle:
 
     def body_velocity(self, z: Any, dz: Any) -> Any:
         """``ν = Jᵀż`` ``(n,)``, a CasADi expression: with τ, what the thrusters' power is made of (``Σ|τ_i ν_i|``)."""
-        return ca.vertcat(*_along_body(ca.cos(z[-1]), ca.sin(z[-1]), dz))
+        return ca.vertcat(*along_body(ca.cos(z[-1]), ca.sin(z[-1]), dz))
 
     def coriolis_matrix(self, nu: ArrayLike) -> Array:
         """C(ν) ``(n, n)``, skew-symmetric, with the added mass in it (Fossen 2011, section 6.3)."""

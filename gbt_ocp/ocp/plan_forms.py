@@ -39,11 +39,20 @@ def _checked(state: ArrayLike, shapes: Sequence[tuple[int, ...]]) -> Array:
     return start
 
 
-def _summed(
-    objectives: Sequence[Any], trajectory: FlatTrajectory | ShotTrajectory, parameters: Sequence[Array]
-) -> float:
-    columns = [values[:, -1].T for values in trajectory.sample(2)]
-    return float(sum(float(f(*columns, p)) for f, p in zip(objectives, parameters, strict=True)))
+class _Sums:
+    """The objectives of a problem on a trajectory, made when they are first asked for."""
+
+    def __init__(self, problem: PosedProblem) -> None:
+        self._problem = problem
+
+    @cached_property
+    def _totals(self) -> list[ca.Function]:
+        return [objective_total(self._problem, term) for term in self._problem.objectives]
+
+    def __call__(self, trajectory: FlatTrajectory | ShotTrajectory, parameters: Sequence[Array]) -> float:
+        """The sum over the ends of the pieces, or of the periods."""
+        columns = [values[:, -1].T for values in trajectory.sample(2)]
+        return float(sum(float(f(*columns, p)) for f, p in zip(self._totals, parameters, strict=True)))
 
 
 class FlatPlans:
@@ -52,8 +61,9 @@ class FlatPlans:
     def __init__(self, problem: ProblemData) -> None:
         self._problem = problem
         self.scale = input_scale(problem)
+        self.objective = _Sums(problem)
 
-    # a solver that takes whole steps needs none of these three, which take longer to make than many plans
+    # a solver that takes whole steps needs neither of these two, which take longer to make than many plans
 
     @cached_property
     def check(self) -> LimitCheck:
@@ -63,10 +73,6 @@ class FlatPlans:
     @cached_property
     def _brake(self) -> BrakingPlanner:
         return BrakingPlanner(self._problem)
-
-    @cached_property
-    def _objectives(self) -> list[ca.Function]:
-        return [objective_total(self._problem, term) for term in self._problem.objectives]
 
     def start(self, state: ArrayLike, acting: Array | None = None, expected: Array | None = None) -> Array:
         """Derivatives of the flat output now, as many as are continuous ``(k+1, n)``.
@@ -86,10 +92,6 @@ class FlatPlans:
     def trajectory(self, start: Array, top: Array) -> FlatTrajectory:
         """The piecewise polynomial."""
         return FlatTrajectory(self._problem.period, start[: self._problem.joined], top)
-
-    def objective(self, trajectory: FlatTrajectory, parameters: Sequence[Array]) -> float:
-        """The sum over the endpoints."""
-        return _summed(self._objectives, trajectory, parameters)
 
     def coasting(self, start: Array) -> Array:
         """Constant velocity and a little thrust to one side; :func:`cold_guess`."""
@@ -131,6 +133,7 @@ class ShotPlans:
     def __init__(self, problem: ShootingData) -> None:
         self._problem, self._shots = problem, Shots(problem)
         self.scale = self._shots.form.scale
+        self.objective = _Sums(problem)
         form = self._shots.form
         self._resort = ca.Function("resort", [form.point], [form.resort])
         self._range = ThrustRange.of(problem.vehicle)
@@ -139,10 +142,6 @@ class ShotPlans:
     def check(self) -> ShotCheck:
         """The limits on a fine grid."""
         return ShotCheck(self._shots)
-
-    @cached_property
-    def _objectives(self) -> list[ca.Function]:
-        return [objective_total(self._problem, term) for term in self._problem.objectives]
 
     def start(self, state: ArrayLike, acting: Array | None = None, expected: Array | None = None) -> Array:
         """The state of the vehicle, from itself or from z and ż ``(2, n)``.
@@ -167,10 +166,6 @@ class ShotPlans:
     def acting(self, piece: Array) -> Array:
         """The inputs at the end of the first piece of the last plan ``(m,)``."""
         return np.asarray(piece[-len(self._problem.vehicle.thrust_max) :])
-
-    def objective(self, trajectory: ShotTrajectory, parameters: Sequence[Array]) -> float:
-        """The sum over the ends of the periods."""
-        return _summed(self._objectives, trajectory, parameters)
 
     def coasting(self, start: Array) -> Array:
         """As good as no thrust, or what the vehicle calls idle, and a little to one side."""

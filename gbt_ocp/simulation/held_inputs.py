@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from gbt_ocp.models.evaluated import Evaluated
-from gbt_ocp.models.fossen import FossenVehicle
+from gbt_ocp.models.fossen import FossenVehicle, along_body
 from gbt_ocp.typing import Array
 
 RELATIVE, ABSOLUTE = 1e-8, 1e-10
@@ -83,10 +83,13 @@ class HeldInputs:
         if self._steps is None:
             self._steps = self._expression(len(x), len(asked))
         parts = max(1, ceil(duration / (STEPS_A_CALL * LONGEST_STEP_S) - 1e-9))
-        y: Array | None = np.append(x, 0.0)
+        y = np.append(x, 0.0)
         for _ in range(parts):
-            y = None if y is None else self._over(self._steps, y, asked, duration / parts, MOST_HALVES)
-        return None if y is None else (y[:-1], float(y[-1]))
+            end = self._over(self._steps, y, asked, duration / parts, MOST_HALVES)
+            if end is None:
+                return None
+            y = end
+        return y[:-1], float(y[-1])
 
     def _over(self, steps: Evaluated, y: Array, asked: Array, duration: float, halves: int) -> Array | None:
         """States and work after ``duration`` seconds, in the steps of an expression or in halves of as many each."""
@@ -125,13 +128,10 @@ class HeldInputs:
         n = self._vehicle.flat_dimension
         state, lagging = y[: 2 * n], self._lag > 0.0
         acting = y[2 * n : -1] if lagging else asked
-        moved = self._vehicle.rates(state, acting + self._pushed(state[n - 1]) if self._push is not None else acting)
+        force = acting
+        if self._push is not None:
+            yaw = state[n - 1]
+            force = acting + ca.vertcat(*along_body(ca.cos(yaw), ca.sin(yaw), self._push))
+        moved = self._vehicle.rates(state, force)
         power = ca.sum1(ca.fabs(acting * state[n:]))
         return ca.SX(ca.vertcat(moved, *([(asked - acting) / self._lag] if lagging else []), power))
-
-    def _pushed(self, yaw: ca.SX) -> ca.SX:
-        """The constant force in the body frame."""
-        assert self._push is not None, "there is one"
-        c, s = ca.cos(yaw), ca.sin(yaw)
-        x, y, *rest = self._push.tolist()
-        return ca.SX(ca.vertcat(c * x + s * y, c * y - s * x, *rest))

@@ -12,7 +12,7 @@ from typing import Any
 from gbt_ocp.experiments.build.mixture_members import mixture_member
 from gbt_ocp.experiments.build.noise import bearing_noise, noise_of
 from gbt_ocp.experiments.build.priors import range_prior, size_prior, speed_prior
-from gbt_ocp.experiments.build.tracker_engine import by_engine, gp_in_c, held_turn_in_c, mixture_in_c
+from gbt_ocp.experiments.build.tracker_engine import by_engine, extended_in_c, gp_in_c, held_turn_in_c, mixture_in_c
 from gbt_ocp.experiments.config import tracker as sections
 from gbt_ocp.experiments.config.noise import NoisyBearingsSection, filter_std
 from gbt_ocp.models.sensors import BearingSensor
@@ -257,15 +257,16 @@ def extended(
     section: sections.ExtendedKalmanSection, prior: PositionPrior, sensor: BearingSensor
 ) -> ExtendedKalmanFilter:
     """Kind ``ekf``."""
-    made = ExtendedKalmanFilter
-    if section.engine == "compiled":
-        from gbt_ocp.pilot.compiled_ekf import CompiledExtendedKalmanFilter as made  # noqa: N813
-    return made(
-        _first_guess(section, prior),
-        process_noise=section.process_noise,
-        bearing_std=filter_std(section.bearing_std_deg, sensor.noise),
-        size=size_prior(section.size),
-    )
+
+    def made(tracker: type[ExtendedKalmanFilter]) -> ExtendedKalmanFilter:
+        return tracker(
+            _first_guess(section, prior),
+            process_noise=section.process_noise,
+            bearing_std=filter_std(section.bearing_std_deg, sensor.noise),
+            size=size_prior(section.size),
+        )
+
+    return by_engine(section.engine, ExtendedKalmanFilter, extended_in_c, made)
 
 
 def imm_extended(

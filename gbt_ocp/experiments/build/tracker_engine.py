@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from gbt_ocp.ocp.codegen.library import CompilerError, find_compiler
+from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.mixture import MixtureTracker
@@ -40,6 +41,13 @@ def gp_in_c() -> type[GaussianProcessTracker]:
     from gbt_ocp.pilot.compiled_gp import CompiledGaussianProcessTracker
 
     return CompiledGaussianProcessTracker
+
+
+def extended_in_c() -> type[ExtendedKalmanFilter]:
+    """The extended Kalman filter."""
+    from gbt_ocp.pilot.compiled_ekf import CompiledExtendedKalmanFilter
+
+    return CompiledExtendedKalmanFilter
 
 
 def mixture_in_c() -> type[MixtureTracker]:
