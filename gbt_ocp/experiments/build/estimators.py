@@ -12,7 +12,14 @@ from typing import Any
 from gbt_ocp.experiments.build.mixture_members import mixture_member
 from gbt_ocp.experiments.build.noise import bearing_noise, noise_of
 from gbt_ocp.experiments.build.priors import range_prior, size_prior, speed_prior
-from gbt_ocp.experiments.build.tracker_engine import by_engine, extended_in_c, gp_in_c, held_turn_in_c, mixture_in_c
+from gbt_ocp.experiments.build.tracker_engine import (
+    by_engine,
+    extended_in_c,
+    gp_in_c,
+    held_turn_in_c,
+    mixture_in_c,
+    motion_in_c,
+)
 from gbt_ocp.experiments.config import tracker as sections
 from gbt_ocp.experiments.config.noise import NoisyBearingsSection, filter_std
 from gbt_ocp.models.sensors import BearingSensor
@@ -119,27 +126,29 @@ def motion(section: sections.ShapeSection, prior: PositionPrior, sensor: Bearing
         speed_stds=section.speed_change_std,
         speed_time=section.speed_time_s,
     )
-    made: type[MotionShapeTracker] = MotionShapeTracker
+    engine = section.engine if isinstance(section, sections.MotionSection) else "numpy"
     own: dict[str, Any] = {}
-    if isinstance(section, sections.MotionSection) and section.engine == "compiled":
-        from gbt_ocp.pilot.compiled_motion import CompiledMotionTracker as made  # noqa: N813
-
+    if engine == "compiled":
         own["horizon"] = section.forecast * (section.forecast_period_s or sensor.period)
-    return made(
-        len(prior.start),
-        noise=bearing_noise(section.noise, sensor),
-        prior=shape,
-        bin_width=section.bin_s,
-        window=section.window_s,
-        update=section.update_s,
-        starts=section.starts_m,
-        hypotheses=section.hypotheses,
-        memory=math.inf if section.memory is None else section.memory,
-        gate=math.inf if section.gate is None else section.gate,
-        position=prior,
-        size=size_prior(section.size),
-        **own,
-    )
+
+    def made(tracker: type[MotionShapeTracker]) -> MotionShapeTracker:
+        return tracker(
+            len(prior.start),
+            noise=bearing_noise(section.noise, sensor),
+            prior=shape,
+            bin_width=section.bin_s,
+            window=section.window_s,
+            update=section.update_s,
+            starts=section.starts_m,
+            hypotheses=section.hypotheses,
+            memory=math.inf if section.memory is None else section.memory,
+            gate=math.inf if section.gate is None else section.gate,
+            position=prior,
+            size=size_prior(section.size),
+            **own,
+        )
+
+    return by_engine(engine, MotionShapeTracker, motion_in_c, made)
 
 
 def mixture(section: sections.MixtureSection, prior: PositionPrior, sensor: BearingSensor) -> MixtureTracker:

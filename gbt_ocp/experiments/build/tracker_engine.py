@@ -11,6 +11,7 @@ from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.mixture import MixtureTracker
+from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
 
 _Made = TypeVar("_Made")
 
@@ -48,6 +49,13 @@ def extended_in_c() -> type[ExtendedKalmanFilter]:
     from gbt_ocp.pilot.compiled_ekf import CompiledExtendedKalmanFilter
 
     return CompiledExtendedKalmanFilter
+
+
+def motion_in_c() -> type[MotionShapeTracker]:
+    """The Gaussian process on the motion."""
+    from gbt_ocp.pilot.compiled_motion import CompiledMotionTracker
+
+    return CompiledMotionTracker
 
 
 def mixture_in_c() -> type[MixtureTracker]:
