@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.guidance.apart import OwnSide
 from gbt_ocp.guidance.helm import SteeringLimits, helm_of
 from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.planned import PlannedMotion
@@ -87,11 +88,19 @@ class Crossing:
             return None
         if not self.crossing:
             self.crossing, self.began = True, time
-        sense = 1.0 if int((time - self.began) / self.leg + 1e-9) % 2 == 0 else -1.0
+        sense = 1.0 if self._legs(time) % 2 == 0 else -1.0
         turn = np.array([-sight[1], sight[0]]) if d == 2 else np.cross(self.axis, sight)
         size = float(np.linalg.norm(turn))
         turn = turn / size if size > STRAIGHT else np.eye(d)[0]
         return np.asarray(-sense * self.across * turn - self.opening * sight)
+
+    def turn_back(self, time: float) -> None:
+        """Begin a leg the other way, at a time in seconds."""
+        self.began = time - self.leg * (self._legs(time) + 1)
+
+    def _legs(self, time: float) -> int:
+        """How many legs are through."""
+        return int((time - self.began) / self.leg + 1e-9)
 
 
 class CrossFirst:
@@ -123,6 +132,8 @@ class CrossFirst:
         Time in seconds after which the vehicle crosses the other way.
     limits
         Those of the steering of a vehicle that is not flat.
+    side
+        The own side of the target, beside other vehicles: a leg that leads off it ends.
 
     Raises
     ------
@@ -142,6 +153,7 @@ class CrossFirst:
         opening: float,
         leg: float,
         limits: SteeringLimits | None = None,
+        side: OwnSide | None = None,
     ) -> None:
         positive("deviation", deviation)
         positive("speed", speed)
@@ -153,6 +165,7 @@ class CrossFirst:
         self.helm = helm_of(vehicle, period, limits)
         unit = vector("axis", axis, 3)
         unit /= positive("length of axis", float(np.linalg.norm(unit)))
+        self._side = side
         self._crossing = Crossing(unit, deviation, float(np.sqrt(speed**2 - opening**2)), opening, leg)
 
     @property
@@ -173,7 +186,11 @@ class CrossFirst:
         """The thrust that crosses, or the plan."""
         known = self._crossing.known
         own = flat[0, : forecast.mean.shape[1]]
-        velocity = self._crossing.step(time, own, forecast.mean[0], forecast.covariance[0])
+        begins, mean, covariance = not self._crossing.crossing, forecast.mean[0], forecast.covariance[0]
+        velocity = self._crossing.step(time, own, mean, covariance)
+        if velocity is not None and self._side is not None and self._side.asks_back(own, velocity, mean, begins):
+            self._crossing.turn_back(time)
+            velocity = self._crossing.step(time, own, mean, covariance)
         if velocity is None:
             if not known:
                 self.planned.restart()
