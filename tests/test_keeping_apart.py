@@ -127,7 +127,7 @@ def crossed(angles, seconds, sine=10.0 / 60.0):
     """Directions from the target of two vehicles that cross, in steps of a tenth of a second ``(K, 2)``."""
     target, places = np.zeros(2), 40.0 * direction(np.array(angles))
     own_sides = [OwnSide(side, sine) for side in sides_of(places)]
-    legs = [Crossing(np.array([0.0, 0.0, 1.0]), 0.25, 2.75, 1.2, 8.0) for _ in places]
+    legs = [Crossing(np.array([0.0, 0.0, 1.0]), 0.25, 3.0, 1.2, 8.0) for _ in places]
     found = []
     for k in range(round(10 * seconds)):
         for n, (side, leg) in enumerate(zip(own_sides, legs, strict=True)):

@@ -238,6 +238,12 @@ def build_guidance(
     return strategy if current is None else InWater(strategy, current, configuration.forecast_period)
 
 
+def _nearest(configuration: Configuration) -> float:
+    """Distance in metres to be kept from the target, with what is added for what the belief does not know."""
+    limit = configuration.limits.range
+    return 0.0 if limit is None or limit.nearest_m is None else limit.nearest_m + limit.margin_m
+
+
 def _own_side(configuration: Configuration, others: OtherVehicles | None) -> OwnSide | None:
     """The own side of a vehicle beside others, where they are to keep apart."""
     distance, standoff = configuration.limits.separation_m, configuration.standoff
@@ -259,6 +265,7 @@ def _crossing_first(
         speed=section.startup_speed,
         opening=section.startup_opening,
         leg=section.startup_leg_s,
+        nearest=_nearest(configuration),
         limits=SteeringLimits(
             slowest=configuration.limits.speed_min or 0.0,
             radius=configuration.limits.turn_radius_m or 0.0,
