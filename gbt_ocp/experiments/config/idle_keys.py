@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from gbt_ocp.experiments.build.tracker_kinds import TRACKERS
 from gbt_ocp.experiments.config.faults import NOTHING, Fault, shown, value_at
 from gbt_ocp.experiments.config.guidance import PlannerGuidanceSection
-from gbt_ocp.experiments.config.keys import Section
+from gbt_ocp.experiments.config.keys import Section, as_tuples
 from gbt_ocp.experiments.config.limits import LimitsSection
 from gbt_ocp.experiments.config.planner import PlannerSection
 from gbt_ocp.experiments.config.plant import PlantSection
@@ -50,10 +50,12 @@ def _all(section: str, *names: str) -> tuple[Path, ...]:
     return tuple((section, name) for name in names)
 
 
-MOTION = ("motion_logdet", "motion_trace")
+def _imposed() -> list[str]:
+    """Keys of ``limits`` that are limits, those added from outside too; the others say how they are imposed."""
+    return [name for name in LimitsSection.model_fields if name not in ("hard", "weight", "width", "nodes")]
 
-LIMITS = [name for name in LimitsSection.model_fields if name not in ("hard", "weight", "width", "nodes")]
-"""Keys of ``limits`` that are limits; the others say how they are imposed."""
+
+MOTION = ("motion_logdet", "motion_trace")
 
 CONDITIONS = (
     Condition(
@@ -80,7 +82,7 @@ CONDITIONS = (
     Condition(
         _all("limits", "hard", "weight", "width", "nodes"),
         "one of the limits",
-        lambda at: any(at("limits", name) for name in LIMITS),
+        lambda at: any(at("limits", name) for name in _imposed()),
     ),
     Condition(
         _all("guidance", "startup_speed", "startup_leg_s", "startup_opening"),
@@ -122,7 +124,7 @@ def without_effect(merged: Mapping[str, Any], beneath: Mapping[str, Any]) -> Ite
 
 def _is_own(path: Path, section: type[Section], merged: Mapping[str, Any], beneath: Mapping[str, Any]) -> bool:
     """Whether a key is written with another value than its default and than that of the layers below."""
-    value, below = (value_at(layer, path) for layer in (merged, beneath))
+    value, below = (as_tuples(value_at(layer, path)) for layer in (merged, beneath))
     return value not in (NOTHING, section.model_fields[path[1]].default, below)
 
 
