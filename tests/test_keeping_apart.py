@@ -62,7 +62,7 @@ def value_of(limit, place, bound, knot=0):
 def test_who_keeps_the_limit_is_apart_from_who_keeps_it_too(rng):
     """Of places drawn at random, with balls that hold the other vehicle: no two that keep it are too near."""
     limit, kept, by_side, by_ball = KeepApart(2, 10.0, nearest=30.0), 0, 0, 0
-    for _ in range(600):
+    for _ in range(400):
         target, angle = rng.normal(0.0, 100.0, 2), rng.uniform(0.0, 2.0 * math.pi)
         places = target + rng.uniform(30.0, 45.0, (2, 1)) * direction(angle + rng.uniform(0.0, 1.2, 2))
         side = direction(rng.uniform(0.0, 2.0 * math.pi))
@@ -83,7 +83,7 @@ def test_who_keeps_the_limit_is_apart_from_who_keeps_it_too(rng):
         if min(values) >= 1.0:
             kept += 1
             assert np.linalg.norm(places[0] - places[1]) >= 10.0 - 1e-9
-    assert min(kept, by_side, by_ball) > 20
+    assert min(kept, by_side, by_ball) > 15
 
 
 def test_a_side_is_kept_with_the_spread_of_the_direction_and_not_of_the_range():
