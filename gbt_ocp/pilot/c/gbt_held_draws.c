@@ -2,7 +2,7 @@
 
 #include "gbt_math.h"
 
-#define N GBT_HELD
+#define N GBT_BANK_STATE
 #define AT GBT_HELD_AT
 #define RANGE_CELL ((gbt_real)0.4)
 #define NEW_MANNER ((gbt_real)0.02) /* probability that the speed changes in another manner where the turn rate is drawn again */
