@@ -31,7 +31,7 @@ void gbt_held_weigh(gbt_held_turn *tracker, gbt_held_turn_work *work, int again)
 /* Whether one slot comes before another: by weight, and of equal ones by number. */
 static int comes_first(const gbt_held_turn_work *work, int one, int other)
 {
-    return work->weight[one] > work->weight[other] || (work->weight[one] == work->weight[other] && one < other);
+    return one < other ? work->weight[one] >= work->weight[other] : work->weight[one] > work->weight[other];
 }
 
 /* Keeps the likeliest components, at most so many, with more than a least weight, in the order of their weights. */
