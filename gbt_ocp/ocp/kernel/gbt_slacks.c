@@ -10,8 +10,8 @@
 #endif
 #define LIFT ((gbt_real)0.3) /* first multiplier of a violated side: small, however much it is violated */
 
-/* All sides k of the part of the horizon that is solved, each with its number j within its piece. */
-#define FOR_ALL_SIDES(work, j, k)                                                          \
+/* All sides of the part of the horizon that is solved: k is the number of one, and j that within its piece. */
+#define FOR_ALL_SIDES(work)                                                                \
     for (int first_ = 0; first_ < (work)->count; first_ += GBT_SIDES_OF_PIECE)             \
         for (int j = 0, k = first_; j < GBT_SIDES_OF_PIECE; j++, k++)
 
@@ -64,7 +64,7 @@ static gbt_real cost_of(const gbt_workspace *work, const gbt_real *y, gbt_real m
             }
         }
     if (GBT_SOFT)
-        FOR_ALL_SIDES(work, j, k) {
+        FOR_ALL_SIDES(work) {
             const gbt_real w = work->width[j], e = e_after(work, k, alpha);
             if (w > 0) sum += work->c[j] * e * e / (4 * w);
         }
@@ -74,13 +74,13 @@ static gbt_real cost_of(const gbt_workspace *work, const gbt_real *y, gbt_real m
 /* s and t for work->y and work->e. */
 static void set_slacks(gbt_workspace *work, gbt_real mu)
 {
-    FOR_ALL_SIDES(work, j, k)
+    FOR_ALL_SIDES(work)
         split(work->y[k] + work->width[j] - e_of(work, k), mu * work->inverse[j], &work->s[k], &work->t[k]);
 }
 
 void gbt_lift(gbt_workspace *work, gbt_real mu)
 {
-    FOR_ALL_SIDES(work, j, k) {
+    FOR_ALL_SIDES(work) {
         const gbt_real c = work->c[j], most = LIFT < c / 2 ? LIFT : c / 2;
         gbt_real s, t;
         split(work->y[k] + work->width[j], mu / c, &s, &t);
@@ -98,7 +98,7 @@ gbt_real gbt_centre(gbt_workspace *work, gbt_real mu)
 gbt_real gbt_off_centre(const gbt_workspace *work, gbt_real mu)
 {
     gbt_real worst = 0;
-    FOR_ALL_SIDES(work, j, k) {
+    FOR_ALL_SIDES(work) {
         const gbt_real c = work->c[j], lambda = work->lambda[k];
         const gbt_real off[3] = {lambda * work->t[k] - mu, (c - lambda) * work->s[k] - mu,
                                  (2 * work->width[j] * lambda / c - e_of(work, k)) * lambda};
@@ -110,7 +110,7 @@ gbt_real gbt_off_centre(const gbt_workspace *work, gbt_real mu)
 
 void gbt_eliminate(gbt_workspace *work, gbt_real mu)
 {
-    FOR_ALL_SIDES(work, j, k) {
+    FOR_ALL_SIDES(work) {
         const gbt_real lambda = work->lambda[k], soft = 2 * work->width[j] * work->inverse[j];
         const gbt_real inverse_lambda = 1 / lambda, inverse_nu = 1 / (work->c[j] - lambda);
         const gbt_real s = work->s[k], t = work->t[k];
@@ -122,7 +122,7 @@ void gbt_eliminate(gbt_workspace *work, gbt_real mu)
 
 void gbt_correct(gbt_workspace *work, gbt_real mu)
 {
-    FOR_ALL_SIDES(work, j, k) {
+    FOR_ALL_SIDES(work) {
         const gbt_real lambda = work->lambda[k], dlambda = dlambda_of(work, k);
         const gbt_real inverse_lambda = 1 / lambda, inverse_nu = 1 / (work->c[j] - lambda);
         const gbt_real ds = (mu + work->s[k] * dlambda) * inverse_nu - work->s[k];
@@ -136,7 +136,7 @@ void gbt_correct(gbt_workspace *work, gbt_real mu)
 void gbt_recover(gbt_workspace *work)
 {
     if (GBT_SOFT)
-        FOR_ALL_SIDES(work, j, k)
+        FOR_ALL_SIDES(work)
             work->de[k] = 2 * work->width[j] * work->inverse[j] * (work->lambda[k] + dlambda_of(work, k)) - work->e[k];
 }
 
@@ -155,7 +155,7 @@ gbt_real gbt_barrier_slope(const gbt_workspace *work, gbt_real mu)
         for (int b = 0; b < count; b++) sum += mu * change[b];
     }
     if (GBT_SOFT)
-        FOR_ALL_SIDES(work, j, k) {
+        FOR_ALL_SIDES(work) {
             const gbt_real w = work->width[j];
             if (w > 0) sum += work->c[j] * work->e[k] / (2 * w) * work->de[k];
         }
@@ -165,7 +165,7 @@ gbt_real gbt_barrier_slope(const gbt_workspace *work, gbt_real mu)
 gbt_real gbt_penalty(const gbt_workspace *work)
 {
     gbt_real sum = 0;
-    FOR_ALL_SIDES(work, j, k) {
+    FOR_ALL_SIDES(work) {
         const gbt_real y = work->y[k], w = work->width[j];
         if (y > w)
             sum += work->c[j] * y;
@@ -177,7 +177,7 @@ gbt_real gbt_penalty(const gbt_workspace *work)
 
 void gbt_move_sides(gbt_workspace *work, gbt_real mu, gbt_real alpha, gbt_real fraction)
 {
-    FOR_ALL_SIDES(work, j, k) {
+    FOR_ALL_SIDES(work) {
         const gbt_real c = work->c[j], old = work->lambda[k];
         const gbt_real least = (1 - fraction) * old, most = c - (1 - fraction) * (c - old);
         /* The multipliers go half as short as the trajectory: they tell what comes, and have no line search to fear. */
