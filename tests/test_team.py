@@ -237,15 +237,17 @@ class Still:
         return np.zeros(3)
 
 
-def test_late_bearings_count_as_if_they_had_been_in_time(rng):
-    """Set back and given again, from states that are kept more often than a bearing can be late."""
+@pytest.mark.parametrize("shared", [4, 0])
+def test_late_bearings_count_as_if_they_had_been_in_time(rng, shared):
+    """Set back and given again, from states that are kept more often than a bearing can be late; also where two
+    bearings have the time at which one is kept."""
     trackers = [MotionShapeTracker(2, noise=BearingNoise(0.01), bin_width=2.0, window=40.0) for _ in range(2)]
     kept = [OrderedIntake(OnlineLoop(one, Still(), forecast=1, forecast_period=1.0), 5.0, 1.0) for one in trackers]
     underway = []
     for k in range(60):
         time = 0.1 * k
         own = seen(time, [40.0, time], [0.1 * k, 0.0], rng, 0.01)
-        other = seen(time, [40.0, time], [0.0, 50.0], rng, 0.003, "two") if k % 10 == 4 else None
+        other = seen(time, [40.0, time], [0.0, 50.0], rng, 0.003, "two") if k % 10 == shared else None
         assert kept[0].settle([own] if other is None else [own, other]) == []
         assert kept[1].settle([own]) == []
         underway += [] if other is None else [other]
