@@ -4,7 +4,7 @@
 
 #define D GBT_DIMENSION
 #define N GBT_BANK_STATE
-#define AT GBT_HELD_AT
+#define AT gbt_bank_at
 #define HALF_STEP ((gbt_real)GBT_AHEAD_STEP / 2)
 
 void gbt_fading_begin(const gbt_held_prior *prior, int nodes, gbt_fading *fading)

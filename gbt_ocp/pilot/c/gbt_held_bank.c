@@ -4,7 +4,7 @@
 
 #define D GBT_DIMENSION
 #define N GBT_BANK_STATE
-#define AT GBT_HELD_AT
+#define AT gbt_bank_at
 #define HALF_TURN (GBT_TURN / 2)
 #define NEAREST_SQUARED ((gbt_real)1) /* square of the range below which a component tells no directions apart, m^2 */
 #define LEAST_COSINE ((gbt_real)0.05) /* of an elevation: straight above the vehicle there is no azimuth */

@@ -17,7 +17,6 @@ enum { GBT_AT_AZIMUTH, GBT_AT_LOG_RANGE, GBT_AT_COURSE, GBT_AT_TURN, GBT_AT_LEVE
 #define GBT_BANK_STATE (GBT_AT_SIZE + GBT_SIZED)      /* numbers of a state: 6, or 8 in space, and the size's */
 #define GBT_BRANCHES (GBT_TURN_STDS * GBT_SPEED_STDS) /* pairs of deviations */
 
-#define GBT_HELD_AT(i, j) ((i) >= (j) ? GBT_ROW_BEGIN(i) + (j) : GBT_ROW_BEGIN(j) + (i)) /* place in a covariance */
 #define GBT_LARGEST_LOG_SPEED ((gbt_real)3.4011973816621555) /* log of 30 m/s, while nothing has told the speed */
 
 extern const int gbt_polar_at[3]; /* azimuth, log range, elevation */
@@ -38,6 +37,9 @@ typedef struct {
     gbt_real mean[GBT_BANK_STATE], covariance[GBT_ROW_BEGIN(GBT_BANK_STATE)]; /* lower triangle */
     int branch; /* the pair of deviations that it belongs to */
 } gbt_component;
+
+/* Place of an entry in a covariance. */
+static inline int gbt_bank_at(int i, int j) { return i >= j ? GBT_ROW_BEGIN(i) + j : GBT_ROW_BEGIN(j) + i; }
 
 /* Deviations of the turn rate and of the change of log speed under a branch. */
 gbt_real gbt_turn_std(const gbt_held_prior *prior, int branch);

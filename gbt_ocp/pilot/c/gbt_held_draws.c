@@ -3,7 +3,7 @@
 #include "gbt_math.h"
 
 #define N GBT_BANK_STATE
-#define AT GBT_HELD_AT
+#define AT gbt_bank_at
 #define RANGE_CELL ((gbt_real)0.4)
 #define NEW_MANNER ((gbt_real)0.02) /* probability that the speed changes in another manner where the turn rate is drawn again */
 #define FORGOTTEN ((gbt_real)1e-6) /* part of the weight of the likeliest with which nothing begins in another manner */

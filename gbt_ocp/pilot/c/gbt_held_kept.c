@@ -84,7 +84,7 @@ static int wide(const gbt_held_turn *tracker, const gbt_held_turn_work *work)
         const gbt_real weight = work->weight[k], off = one->mean[GBT_AT_LOG_RANGE] - near;
         total += weight;
         mean += weight * off;
-        square += weight * (one->covariance[GBT_HELD_AT(GBT_AT_LOG_RANGE, GBT_AT_LOG_RANGE)] + off * off);
+        square += weight * (one->covariance[gbt_bank_at(GBT_AT_LOG_RANGE, GBT_AT_LOG_RANGE)] + off * off);
     }
     return gbt_held_at_median(total, mean, square);
 }

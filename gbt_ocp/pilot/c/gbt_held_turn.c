@@ -258,7 +258,7 @@ static void led_back(const gbt_held_turn *tracker, const gbt_held_turn_settings 
                 const gbt_real off = log_range - near;
                 total += weight;
                 first += weight * off;
-                second += weight * (one.covariance[GBT_HELD_AT(GBT_AT_LOG_RANGE, GBT_AT_LOG_RANGE)] + off * off);
+                second += weight * (one.covariance[gbt_bank_at(GBT_AT_LOG_RANGE, GBT_AT_LOG_RANGE)] + off * off);
             } else {
                 gbt_bank_position(&one, mean, slopes);
                 gbt_bank_spread(&one, slopes, covariance);
