@@ -20,9 +20,10 @@ SMALL = "{bin_s: 1.0, window_s: 12.0, turn_rate_std: [0.03], turn_time_s: [10.0]
 """A grid of one point and a short window: many sequences count for more here than good tracks."""
 
 PILOTS = {
-    "ekf": ("case2", ["tracker.kind=ekf", "sensor.noise_deg=0.5"], 40_000),
+    "ekf": ("case2", ["tracker.kind=ekf", "sensor.noise_deg=0.5"], 30_000),
     "gp": ("case5", ["tracker.window=6"], 30_000),
     "motion_gp in the plane": ("sea2d", ["tracker.kind=motion_gp", f"tracker={SMALL}"], 25_000),
+    "mixture in the plane": ("sea2d", [], 10_000),
     "motion_gp in space": ("sea3d", ["tracker.kind=motion_gp", f"tracker={SMALL}"], 5_000),
 }
 """Configuration of each, and the sequences that it is given."""
@@ -71,7 +72,7 @@ def test_a_few_sequences_are_answered(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PILOTS)
 def test_a_hundred_thousand_sequences_are_answered(tmp_path, name):
-    """Over the four pilots together."""
+    """Over the five pilots together."""
     statuses, answers, notes = sound(program_of(tmp_path, name, ["-O1", *CHECKED]), PILOTS[name][2], 1)
     assert min(statuses) > 0
     # what the tracker refuses is counted at the next command

@@ -6,11 +6,12 @@ import subprocess
 
 import numpy as np
 import pytest
-from pilots_in_c import closed_loop
+from pilots_in_c import closed_loop, files_of
 from test_breaks import circled, square, travelled
 
 import gbt_ocp as gbt
 from gbt_ocp.cli.main import main
+from gbt_ocp.experiments.build.pilot import build_pilot
 from gbt_ocp.models import Mounting, case_target
 from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
 from gbt_ocp.models.measurements import Measurement
@@ -92,6 +93,20 @@ def test_commands_of_a_torpedo_are_those_of_python():
     assert pilot.worst < 1e-4
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["torpedo2d", "torpedo3d"])
+def test_a_pilot_of_a_torpedo_with_the_default_tracker_compiles_without_a_warning(tmp_path, name):
+    """Sizes of its plans and of the tracker have names of their own, in each precision."""
+    files = files_of(build_pilot(gbt.load_config(name, ["tracker.engine=compiled"])))
+    for file, text in files.items():
+        (tmp_path / file).write_text(text, encoding="utf-8")
+    units = sorted(str(path) for path in tmp_path.glob("gbt_*.c"))
+    for flags in ([], ["-DGBT_SINGLE"]):
+        command = ["gcc", "-fsyntax-only", "-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", *flags, *units]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr[:2000]
+
+
 KNOWN_BY_INTEGRATION = ("torpedo2d", "torpedo3d", "vessel")
 
 LOOPS = [
@@ -103,6 +118,7 @@ LOOPS = [
     ("sea3d", 300.0, ()),
     ("torpedo2d", 120.0, ("tracker.kind=ekf",)),
     ("torpedo3d", 60.0, ("tracker.kind=ekf",)),
+    ("torpedo2d", 120.0, ()),
     ("vessel", 120.0, ("tracker.kind=ekf",)),
 ]
 

@@ -9,7 +9,7 @@ from pilots_in_c import files_of
 import gbt_ocp as gbt
 from gbt_ocp.experiments.build.pilot import build_pilot
 
-CASES = [("case2", "seed=0"), ("sea3d", "tracker.kind=ekf")]
+CASES = [("case2", "seed=0"), ("sea3d", "tracker.kind=ekf"), ("sea2d", "seed=0")]
 
 WITHOUT = {
     # paths that do not fit together: of another number of dimensions, or past a return
@@ -59,6 +59,7 @@ def test_cppcheck_finds_nothing(sources):
         "--enable=warning,performance,portability",
         "--std=c99",
         "--quiet",
+        "--max-configs=48",
         "--template={file}:{line}: warning: {id}",
     ]
     assert said("cppcheck", *checks, *without, "-I.", ".", folder=sources) == []

@@ -69,12 +69,12 @@ class CompiledGaussianProcessTracker(GaussianProcessTracker):
             prior=prior,
             breaks=breaks,
         )
-        self._c = StateInC(tracker_in_c(self), dimension, 1, ("begin",))
+        self._c = StateInC(tracker_in_c(self), dimension, 1, ("begin",), works=True)
         self._tunable = len(self._tuning.search[2])
         self._c.call("begin", self._prior.start)
 
     def _judged(self, time: float, bearing: Array, own: Array) -> tuple[Break | None, bool]:
-        answer = self._c.call("add", ctypes.c_double(time), bearing, own)
+        answer = self._c.call_working("add", ctypes.c_double(time), bearing, own)
         self._added = True
         if answer != _BROKEN:
             return None, answer == _WAITS
@@ -86,7 +86,7 @@ class CompiledGaussianProcessTracker(GaussianProcessTracker):
     def _fit(self) -> None:
         if not self._added:
             time, bearing, own = self.window.latest
-            self._c.call("add", ctypes.c_double(time), bearing, own)
+            self._c.call_working("add", ctypes.c_double(time), bearing, own)
         self._added = False
         self._tuning.found(self._c.state[-self._tunable :].copy())
         self._posterior, self._theta = None, None
@@ -104,7 +104,7 @@ class CompiledGaussianProcessTracker(GaussianProcessTracker):
         asked = np.asarray(times, dtype=float)
         d = self.dimension
         mean, covariance = np.empty((len(asked), d)), np.empty((len(asked), d, d))
-        retries = self._c.call("predict", asked, ctypes.c_int(len(asked)), mean, covariance)
+        retries = self._c.call_working("predict", asked, ctypes.c_int(len(asked)), mean, covariance)
         if self._theta is None:
             self._theta = self._needed(retries)
         return Forecast(mean, covariance)

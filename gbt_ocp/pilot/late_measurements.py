@@ -50,13 +50,14 @@ class OrderedIntake:
         else:
             refused = []
         for sighting in fresh:
+            # not between measurements of one time: those after a state are told from those in it by their times
+            if self._states and sighting.time > self.latest and self.latest - self._states[-1][0] >= self._every:
+                self._keep_state()
             if not self._online.take(sighting):
                 refused.append(sighting)
                 continue
             self._taken.append(sighting)
             self.latest = sighting.time
-            if self._states and sighting.time - self._states[-1][0] >= self._every:
-                self._keep_state()
         return refused
 
     def _keep_state(self) -> None:

@@ -100,10 +100,28 @@ def in_place(point: ca.SX, forms: Sequence[Placed], number: int) -> LimitForm:
     return LimitForm(value, place, forms[number].shift)
 
 
+def node_shares(grid: LimitGrid) -> Array:
+    """Shares of a piece at which a limit has its nodes."""
+    return np.arange(grid.first, grid.intervals + 1) / grid.intervals
+
+
+def places_in_c(form: FlatForm, grids: Sequence[LimitGrid]) -> tuple[Array, str]:
+    """The shares of a piece at which some limit has a node, and the tables of what the kernel reads there."""
+    shares = np.unique(np.concatenate([np.zeros(0), *map(node_shares, grids)])) if grids else np.zeros(1)
+    tables = {"share": shares, **form.node_tables(shares)}
+    found = [c_array("gbt_real", f"gbt_place_{name}", numbers, const="const") for name, numbers in tables.items()]
+    return shares, "".join(found)
+
+
 def limit_in_c(
-    problem: PosedProblem, number: int, limit: HardLimit | PenaltyLimit, form: FlatForm | ShootingForm, at: LimitForm
+    problem: PosedProblem,
+    number: int,
+    limit: HardLimit | PenaltyLimit,
+    form: FlatForm | ShootingForm,
+    at: LimitForm,
+    places: Array,
 ) -> LimitInC:
-    """One constraint with its functions."""
+    """One constraint with its functions; in the flat form, places are the shares of :func:`places_in_c`."""
     width, constraint, grid = form.width, limit.constraint, form.grid(limit)
     name, value, place = f"limit{number}", at.value, at.place
     row, moved, factors = (
@@ -126,9 +144,8 @@ def limit_in_c(
         c_function(f"{name}_push", [known, moved], ca.mtimes(again, moved)),
         c_function(f"{name}_curvature", [place, factors, known], curves),
     ]
-    shares = np.arange(grid.first, grid.intervals + 1) / grid.intervals
+    shares, flat = node_shares(grid), isinstance(form, FlatForm)
     placing = placing_in_c(name, form, curve_rows, curve_columns)
-    at_nodes = form.node_tables(shares) if isinstance(form, FlatForm) else {}
     sides = _sides(constraint, at.shift)
     weights, widths = _penalty(problem, number, limit, [side[0] for side in sides], grid)
     tables: Sequence[tuple[str, str, Any]] = (
@@ -138,14 +155,14 @@ def limit_in_c(
         ("gbt_real", "side_edge", [side[3] for side in sides]),
         ("gbt_real", "side_weight", weights),
         ("gbt_real", "side_width", widths),
-        ("gbt_real", "share", shares),
+        ("int", "place", np.searchsorted(places, shares)) if flat else ("gbt_real", "share", shares),
         *(("int", table, entries) for table, entries in placing.tables.items()),
-        *(("gbt_real", table, numbers) for table, numbers in at_nodes.items()),
     )
     hard, judged = int(isinstance(limit, HardLimit)), int(problem.judged[number])
     kind = ("GBT_THRUST", "GBT_CERTAIN", "GBT_BELIEVED")[limit_class(problem, constraint)]
     spread = [function.name() for function in placing.functions]
-    last = ", ".join([f"{name}_share", *spread, *(f"{name}_{table}" for table in [*placing.tables, *at_nodes])])
+    nodes = f"{name}_place" if flat else f"{name}_share"
+    last = ", ".join([nodes, *spread, *(f"{name}_{table}" for table in placing.tables)])
     definition = (
         f"    {{{value.numel()}, {len(sides)}, {grid.intervals}, {grid.first}, {len(shares)}, {hard}, {kind},\n"
         f"     {int(grid.given)}, {judged}, {int(grid.steady)}, {int(chained)},\n"

@@ -23,7 +23,7 @@ GBT_BEGIN_C
 #define GBT_COUNT {count}           /* bounds at all nodes: "sides" */
 #define GBT_SIDES {sides}           /* the same, at least 1: for arrays */
 #define GBT_JACOBIANS {jacobians}
-#define GBT_PLACES {places}           /* nodes of all limits in all pieces, at least 1 */
+#define GBT_PLACES {places}           /* places at which limits have nodes in all pieces, at least 1 */
 #define GBT_SOFT {soft}            /* 1 where a limit is a penalty */
 #define GBT_ROWS {rows}              /* values of a constraint at a node, at most */
 #define GBT_ENTRIES {entries}          /* nonzeros of a Hessian at a node, at most */
@@ -87,20 +87,24 @@ typedef struct {{
     gbt_function curvature;          /* (place, first and second, J) -> Hessian of first'value + J' diag(second) J */
     int jacobian_entries;
     int curvature_entries;           /* of the lower triangle */
-    const gbt_real *share;           /* of a piece, at each node */
 #if GBT_SHOOTING
+    const gbt_real *share;           /* of a piece, at each node */
     const int *curvature_row, *curvature_column;
 #else
+    const int *place;                /* of each node, among those of a piece */
     gbt_function spread;             /* (sums over the nodes of each entry times the powers) -> lower triangle of the
                                         matrix of the piece, row by row */
-    const gbt_real *taylor;          /* of each node, s seconds into a piece, GBT_DEGREE + 1 numbers s^k / k!, */
-    const gbt_real *powers;          /* and 2 GBT_DEGREE + 1 numbers s^k */
 #endif
 }} gbt_limit;
 
 extern const gbt_real gbt_input_scale[]; /* natural sizes of what is free in a piece */
 extern const gbt_objective_functions gbt_objective;
 extern const gbt_limit gbt_limits[];
+#if !GBT_SHOOTING
+/* Places in a piece at which limits have nodes, GBT_PLACES / GBT_PIECES: the share of the piece, and s seconds into it
+   GBT_DEGREE + 1 numbers s^k / k! and 2 GBT_DEGREE + 1 numbers s^k. */
+extern const gbt_real gbt_place_share[], gbt_place_taylor[], gbt_place_powers[];
+#endif
 extern const char *const gbt_limit_names[]; /* in the same order */
 extern const gbt_real gbt_thrust_min[GBT_INPUTS], gbt_thrust_max[GBT_INPUTS];
 

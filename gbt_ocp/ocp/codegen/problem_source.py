@@ -7,18 +7,19 @@ import weakref
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.ocp.check import FINE_POINTS
 from gbt_ocp.ocp.codegen.expressions import c_array, c_function, c_source
-from gbt_ocp.ocp.codegen.limit_source import in_place, limit_in_c, placed_limits
+from gbt_ocp.ocp.codegen.limit_source import in_place, limit_in_c, placed_limits, places_in_c
 from gbt_ocp.ocp.codegen.moment_functions import from_moments as from_moments
 from gbt_ocp.ocp.codegen.moment_functions import moment_functions
 from gbt_ocp.ocp.codegen.motion_source import motion_in_c
 from gbt_ocp.ocp.codegen.objective_source import objective_in_c
 from gbt_ocp.ocp.codegen.options import CompiledOptions
 from gbt_ocp.ocp.codegen.problem_header import HEADER
-from gbt_ocp.ocp.forms import form_of
+from gbt_ocp.ocp.forms import ShootingForm, form_of
 from gbt_ocp.ocp.limit_classes import limit_names
 from gbt_ocp.ocp.objective_total import stacked_size
 from gbt_ocp.ocp.problem_data import HardLimit, PenaltyLimit, PosedProblem, ShootingData
@@ -74,8 +75,11 @@ def _generated(problem: PosedProblem, options: CompiledOptions | None) -> Genera
     imposed: list[HardLimit | PenaltyLimit] = [*problem.hard, *problem.penalties]
     moving = ca.SX.sym("moving", sum(limit_size(limit.constraint) for limit in imposed))
     places = placed_limits(problem, form, moving, origin)
+    shares, at_places = (
+        (np.zeros(0), "") if isinstance(form, ShootingForm) else places_in_c(form, list(map(form.grid, imposed)))
+    )
     limits = [
-        limit_in_c(problem, number, limit, form, in_place(form.point, places, number))
+        limit_in_c(problem, number, limit, form, in_place(form.point, places, number), shares)
         for number, limit in enumerate(imposed)
     ]
     motion = motion_in_c(problem, form)
@@ -99,7 +103,7 @@ def _generated(problem: PosedProblem, options: CompiledOptions | None) -> Genera
         count=sides,
         sides=max(sides, 1),
         jacobians=max(jacobians, 1),
-        places=max(sum(per_piece), 1),
+        places=max(sum(per_piece), 1) if shooting else problem.pieces * len(shares),
         soft=int(bool(problem.penalties)),
         rows=max([1, *(limit.rows for limit in limits)]),
         entries=max([1, objective.hessian_entries, motion.entries, *(limit.curvature_entries for limit in limits)]),
@@ -129,6 +133,7 @@ def _generated(problem: PosedProblem, options: CompiledOptions | None) -> Genera
             c_array("gbt_real", "gbt_thrust_max", problem.vehicle.thrust_max, const="const"),
             motion.tables,
             objective.tables,
+            at_places,
             *(limit.tables for limit in limits),
             f"const gbt_limit gbt_limits[] = {{\n{table}\n}};\n",
             "const char *const gbt_limit_names[] = {"

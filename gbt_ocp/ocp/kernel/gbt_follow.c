@@ -160,11 +160,10 @@ gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt
 gbt_follow_status gbt_follow_setpoint(const gbt_follower *follower, gbt_real ahead, const gbt_real *water,
                                       gbt_setpoint *setpoint)
 {
-    static const gbt_setpoint nothing;
     gbt_real piece[GBT_ORDERS][GBT_FLAT], point[GBT_POINT], s;
     int finite = isfinite(ahead);
     for (int j = 0; water && j < GBT_DIMENSION; j++) finite = finite && isfinite(water[j]);
-    *setpoint = nothing;
+    *setpoint = (gbt_setpoint){0};
     if (!finite) return setpoint->status = GBT_FOLLOW_NOT_FINITE;
     if (ahead > GBT_PIECES * GBT_PERIOD) ahead = GBT_PIECES * GBT_PERIOD;
     if (!piece_at(follower, ahead, piece, &s)) return setpoint->status = GBT_FOLLOW_NO_PLAN;

@@ -136,7 +136,7 @@ void gbt_differentiate(gbt_workspace *work);
 /* out += the Jacobians transposed times one number for each side. */
 void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_piece out[]);
 
-/* work->dy: the change of every side along work->step. */
+/* work->step_of.dy, in the place of the target: the change of every side along work->step. */
 void gbt_push_forward(gbt_workspace *work);
 
 /* There, too, work->curvature: Hessian of f + lambda y, plus the Jacobians' squares weighted with work->sigma. work->pull is what

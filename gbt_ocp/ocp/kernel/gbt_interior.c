@@ -28,20 +28,19 @@ int gbt_all_finite(const gbt_real *x, int count)
 void gbt_weigh_limits(gbt_workspace *work, gbt_real thrust, gbt_real others)
 {
     gbt_real *c = work->c, *inverse = work->inverse, *width = work->width;
-    for (int i = 0; i < work->pieces; i++)
-        for (int q = 0; q < GBT_LIMITS; q++) {
-            const gbt_limit *limit = &gbt_limits[q];
-            const gbt_real hard = limit->kind == GBT_THRUST ? thrust : others;
-            for (int k = limit->first; k <= limit->intervals; k++) {
-                /* the trapezoidal rule of the penalty */
-                const gbt_real node = k == 0 || k == limit->intervals ? (gbt_real)0.5 : 1;
-                for (int r = 0; r < limit->sides; r++) {
-                    *c = (limit->hard ? hard : node) * limit->weight[r];
-                    *inverse++ = 1 / *c++;
-                    *width++ = limit->width[r];
-                }
+    for (int q = 0; q < GBT_LIMITS; q++) {
+        const gbt_limit *limit = &gbt_limits[q];
+        const gbt_real hard = limit->kind == GBT_THRUST ? thrust : others;
+        for (int k = limit->first; k <= limit->intervals; k++) {
+            /* the trapezoidal rule of the penalty */
+            const gbt_real node = k == 0 || k == limit->intervals ? (gbt_real)0.5 : 1;
+            for (int r = 0; r < limit->sides; r++) {
+                *c = (limit->hard ? hard : node) * limit->weight[r];
+                *inverse++ = 1 / *c++;
+                *width++ = limit->width[r];
             }
         }
+    }
 }
 
 static int belongs(const gbt_limit *limit, gbt_which which)
@@ -114,16 +113,16 @@ static gbt_real convexify(gbt_workspace *work, gbt_real last)
     return -1;
 }
 
-/* Newton's step with the multipliers work->target, of which sigma and shift are known. */
+/* Newton's step with the multipliers work->step_of.target, of which sigma and shift are known. */
 static void find_step(gbt_workspace *work)
 {
-    gbt_lagrangian_gradient(work, work->target);
+    gbt_lagrangian_gradient(work, work->step_of.target);
     gbt_newton_step(work, work->pull);
     gbt_push_forward(work);
     gbt_recover(work);
 }
 
-/* Merit after a step alpha, GBT_INFINITY where there is none; leaves work->trial, f_trial, y_trial and the slacks there. */
+/* Merit after a step alpha, GBT_INFINITY where there is none; leaves work->trial, f_trial and y_trial there. */
 static gbt_real merit_after(gbt_workspace *work, gbt_real mu, gbt_real alpha)
 {
     gbt_real merit;
@@ -164,7 +163,7 @@ static void accept(gbt_workspace *work, gbt_real mu, gbt_real alpha)
     gbt_real *piece = first_of(work->piece), *trial = first_of(work->trial);
     for (int k = 0; k < count; k++) piece[k] = trial[k];
     work->f = work->f_trial;
-    gbt_move_sides(work, alpha, 1 - mu > FRACTION ? 1 - mu : FRACTION);
+    gbt_move_sides(work, mu, alpha, 1 - mu > FRACTION ? 1 - mu : FRACTION);
 }
 
 int gbt_make_ready(gbt_workspace *work, gbt_real mu)

@@ -51,12 +51,14 @@ void gbt_place_after(gbt_piece piece, gbt_real share, gbt_real *place)
     gbt_point_after(piece, GBT_PERIOD * share, place);
 }
 
-/* What a limit looks at: the point of piece i at node k, and the limit's numbers there. */
-static void place_at(const gbt_workspace *work, gbt_piece piece[], int i, const gbt_limit *limit, int k,
-                     gbt_real *place)
+#define PLACES (GBT_PLACES / GBT_PIECES) /* in a piece */
+#define TAYLOR_AT(place) (gbt_place_taylor + (place) * GBT_DERIVATIVES)
+
+/* What limits look at in place number k of piece i: the point there, and the numbers of the limits. */
+static void place_at(const gbt_workspace *work, gbt_piece piece[], int i, int k, gbt_real *place)
 {
-    point_at(piece[i], limit->taylor + k * GBT_DERIVATIVES, place);
-    gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, limit->share[k], place);
+    point_at(piece[i], TAYLOR_AT(k), place);
+    gbt_moving_at(work->moving + i * GBT_KNOT_NUMBERS, gbt_place_share[k], place);
 }
 
 void gbt_next_piece(gbt_piece piece, gbt_piece next)
@@ -189,17 +191,18 @@ gbt_real gbt_evaluate(gbt_workspace *work, gbt_piece piece[], gbt_real *y)
 {
     gbt_real value[GBT_ROWS], total[GBT_TERMS], (*place)[GBT_PLACE] = work->place;
     gbt_total(work, piece, total);
-    for (int i = 0; i < work->pieces; i++)
+    for (int i = 0; i < work->pieces; i++, place += PLACES) {
+        for (int k = 0; k < PLACES; k++) place_at(work, piece, i, k, place[k]);
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
             const gbt_real inside = work->first + i == 0 ? work->tightening[q] : 0;
-            for (int k = 0; k < limit->nodes; k++, place++) {
-                place_at(work, piece, i, limit, k, *place);
-                limit->value(*place, 0, 0, value);
+            for (int k = 0; k < limit->nodes; k++) {
+                limit->value(place[limit->place[k]], 0, 0, value);
                 for (int r = 0; r < limit->sides; r++)
                     *y++ = limit->sign[r] * value[limit->row[r]] - limit->bound[r] + inside;
             }
         }
+    }
     return -gbt_gain(total);
 }
 
@@ -208,7 +211,7 @@ void gbt_differentiate(gbt_workspace *work)
     gbt_real end[GBT_POINT], slope[GBT_POINT], (*place)[GBT_PLACE] = work->place;
     gbt_real *jacobian = work->jacobian;
     gbt_value_sums(work);
-    for (int i = 0; i < work->pieces; i++) {
+    for (int i = 0; i < work->pieces; i++, place += PLACES) {
         point_at(work->piece[i], at_end, end);
         gbt_objective.gradient(end, work->parameters + i * GBT_END_NUMBERS, work->worth, slope);
         for (int a = 0; a < GBT_POINT; a++) slope[a] = -slope[a];
@@ -217,8 +220,8 @@ void gbt_differentiate(gbt_workspace *work)
         add_transposed(at_end, slope, work->gradient[i]);
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
-            for (int k = 0; k < limit->nodes; k++, place++) {
-                limit->jacobian(*place, 0, 0, jacobian);
+            for (int k = 0; k < limit->nodes; k++) {
+                limit->jacobian(place[limit->place[k]], 0, 0, jacobian);
                 jacobian += limit->jacobian_entries;
             }
         }
@@ -237,7 +240,7 @@ void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_piece o
                 for (int r = 0; r < limit->rows; r++) row[r] = 0;
                 for (int r = 0; r < limit->sides; r++) row[limit->row[r]] += limit->sign[r] * sides[r];
                 limit->pull(jacobian, row, 0, slope);
-                add_transposed(limit->taylor + k * GBT_DERIVATIVES, slope, sum);
+                add_transposed(TAYLOR_AT(limit->place[k]), slope, sum);
                 sides += limit->sides;
                 jacobian += limit->jacobian_entries;
             }
@@ -249,19 +252,20 @@ void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_piece o
 
 void gbt_push_forward(gbt_workspace *work)
 {
-    gbt_real row[GBT_ROWS], point[GBT_POINT];
-    gbt_real *dy = work->dy;
+    gbt_real row[GBT_ROWS], point[PLACES][GBT_POINT];
+    gbt_real *dy = work->step_of.dy;
     const gbt_real *jacobian = work->jacobian;
-    for (int i = 0; i < work->pieces; i++)
+    for (int i = 0; i < work->pieces; i++) {
+        for (int k = 0; k < PLACES; k++) point_at(work->step[i], TAYLOR_AT(k), point[k]);
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
             for (int k = 0; k < limit->nodes; k++) {
-                point_at(work->step[i], limit->taylor + k * GBT_DERIVATIVES, point);
-                limit->push(jacobian, point, 0, row);
+                limit->push(jacobian, point[limit->place[k]], 0, row);
                 for (int r = 0; r < limit->sides; r++) *dy++ = limit->sign[r] * row[limit->row[r]];
                 jacobian += limit->jacobian_entries;
             }
         }
+    }
 }
 
 #define POWERS (2 * GBT_DEGREE + 1)
@@ -275,7 +279,7 @@ static void sum_up(const gbt_limit *limit, gbt_real entry[][GBT_ENTRIES], gbt_re
         gbt_real sum[POWERS];
         for (int d = 0; d < POWERS; d++) sum[d] = 0;
         for (int k = 0; k < limit->nodes; k++) {
-            const gbt_real own = entry[k][a], *powers = limit->powers + k * POWERS;
+            const gbt_real own = entry[k][a], *powers = gbt_place_powers + limit->place[k] * POWERS;
             for (int d = 0; d < POWERS; d++) sum[d] += own * powers[d];
         }
         for (int d = 0; d < POWERS; d++) sums[a * POWERS + d] = sum[d];
@@ -297,7 +301,7 @@ void gbt_assemble(gbt_workspace *work)
     gbt_real weight[GBT_TERMS];
 
     for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
-    for (int i = 0; i < work->pieces; i++) {
+    for (int i = 0; i < work->pieces; i++, place += PLACES) {
         point_at(work->piece[i], at_end, end);
         gbt_objective.hessian(end, work->parameters + i * GBT_END_NUMBERS, weight, entry[0]);
         gbt_objective.spread(entry[0], 0, 0, lower);
@@ -309,7 +313,7 @@ void gbt_assemble(gbt_workspace *work)
                     weights[limit->row[r]] += limit->sign[r] * *lambda++;
                     weights[limit->rows + limit->row[r]] += *sigma++;
                 }
-                limit->curvature(*place++, weights, jacobian, entry[k]);
+                limit->curvature(place[limit->place[k]], weights, jacobian, entry[k]);
                 jacobian += limit->jacobian_entries;
             }
             sum_up(limit, entry, sums);

@@ -39,8 +39,7 @@ static const double *base_of(const gbt_planner *planner)
 
 static gbt_status refuse(gbt_plan_result *plan)
 {
-    static const gbt_plan_result nothing;
-    *plan = nothing;
+    *plan = (gbt_plan_result){0};
     plan->origin = GBT_NO_PLAN;
     plan->violation = GBT_INFINITY;
     for (int i = 0; i < GBT_PIECES; i++) plan->piece_violation[i] = GBT_INFINITY;
@@ -120,6 +119,7 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
         tightening[q] = 0;
         before[q] = GBT_INFINITY;
     }
+    keep(&plan->top[0][0], best);
     for (int k = 0; k < N; k++) u[k] = plan->top[k / GBT_FREE][k % GBT_FREE] / gbt_input_scale[k % GBT_FREE];
     for (int tightened = 0; plan->iterations < last; tightened++) {
         gbt_real fine[1][GBT_LIMITS + 1], nodes[1][GBT_LIMITS + 1];

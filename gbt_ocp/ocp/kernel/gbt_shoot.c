@@ -191,7 +191,7 @@ void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_piece o
 void gbt_push_forward(gbt_workspace *work)
 {
     gbt_real row[GBT_ROWS];
-    gbt_real *dy = work->dy;
+    gbt_real *dy = work->step_of.dy;
     const gbt_real *jacobian = work->jacobian;
     for (int i = 0; i < work->pieces; i++)
         for (int q = 0; q < GBT_LIMITS; q++) {

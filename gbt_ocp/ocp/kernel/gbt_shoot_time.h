@@ -56,7 +56,7 @@ static gbt_status feedback(gbt_planner *planner, const gbt_real *start, gbt_plan
     if (!gbt_all_finite(start, GBT_STATE) || !gbt_all_finite(planner->numbers, GBT_NUMBERS)) return refuse(plan);
     for (int a = 0; a < GBT_STATE; a++) change[a] = start[a] - work->piece[0][a];
     gbt_objective_slopes(work);
-    gbt_lagrangian_gradient(work, work->target);
+    gbt_lagrangian_gradient(work, work->step_of.target);
     gbt_step_from(work, work->pull, change);
 
     for (int a = 0; a < GBT_STATE; a++) work->trial[0][a] = start[a];

@@ -26,19 +26,19 @@ gbt_real gbt_centre(gbt_workspace *work, gbt_real mu);
    2 w lambda / c times lambda. */
 gbt_real gbt_off_centre(const gbt_workspace *work, gbt_real mu);
 
-/* work->sigma and work->target: once slacks and multipliers are eliminated from Newton's system, a side acts on the
+/* work->sigma and work->step_of.target: once slacks and multipliers are eliminated from Newton's system, a side acts on the
    trajectory with stiffness sigma and multiplier target. */
 void gbt_eliminate(gbt_workspace *work, gbt_real mu);
 
-/* work->target again, with second-order terms: how y really changed in the trial step, and the products that the
+/* work->step_of.target again, with second-order terms: how y really changed in the trial step, and the products that the
    linearised complementarity dropped. */
 void gbt_correct(gbt_workspace *work, gbt_real mu);
 
-/* Steps of e and lambda from work->dy. */
+/* The step of e from work->step_of.dy, from which that of lambda follows. */
 void gbt_recover(gbt_workspace *work);
 
-/* The same cost after a step alpha of e that led to work->y_trial, and s_trial and t_trial there. */
-gbt_real gbt_barrier(gbt_workspace *work, gbt_real mu, gbt_real alpha);
+/* The cost that gbt_centre returns, after a step alpha of e that led to work->y_trial. */
+gbt_real gbt_barrier(const gbt_workspace *work, gbt_real mu, gbt_real alpha);
 
 /* The slope of that cost along the step. */
 gbt_real gbt_barrier_slope(const gbt_workspace *work, gbt_real mu);
@@ -46,8 +46,8 @@ gbt_real gbt_barrier_slope(const gbt_workspace *work, gbt_real mu);
 /* Cost of all sides without barrier. */
 gbt_real gbt_penalty(const gbt_workspace *work);
 
-/* Takes a step alpha that led to work->y_trial, with the slacks there, and leaves the share 1 - fraction of every multiplier. */
-void gbt_move_sides(gbt_workspace *work, gbt_real alpha, gbt_real fraction);
+/* Takes a step alpha that led to work->y_trial, and leaves the share 1 - fraction of every multiplier. */
+void gbt_move_sides(gbt_workspace *work, gbt_real mu, gbt_real alpha, gbt_real fraction);
 
 GBT_END_C
 

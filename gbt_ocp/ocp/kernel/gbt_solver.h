@@ -34,6 +34,7 @@ typedef gbt_real gbt_piece[GBT_PIECE];
 #define GBT_ROWS_OF_PIECES GBT_PIECES
 typedef gbt_real gbt_piece[GBT_ORDERS][GBT_FLAT];
 #endif
+#define GBT_SIDES_OF_PIECE (GBT_COUNT / GBT_PIECES)
 #define GBT_TERMS (1 + GBT_SUMS) /* of the objective: the one that is a sum itself, and the sums that it is a function of */
 #define GBT_PLACE (GBT_POINT + GBT_KNOT_NUMBERS) /* the same, and the numbers that constraints need at that time */
 
@@ -113,13 +114,16 @@ typedef struct {
     gbt_real sum_slopes[GBT_PIECES][GBT_SUM_COLUMNS][GBT_SUMS]; /* by what the state at the end of a piece begins with */
     gbt_real sum_gain[GBT_PIECES][GBT_FREE][GBT_SUMS];
 #endif
-    /* limits: y = e + s - t - width, with weight c, multipliers lambda of t and c - lambda of s */
-    gbt_real c[GBT_SIDES], inverse[GBT_SIDES], width[GBT_SIDES];
-    gbt_real y[GBT_SIDES], y_trial[GBT_SIDES], dy[GBT_SIDES];
-    gbt_real s[GBT_SIDES], t[GBT_SIDES], e[GBT_SIDES], lambda[GBT_SIDES];
-    gbt_real s_trial[GBT_SIDES], t_trial[GBT_SIDES];
-    gbt_real de[GBT_SIDES], dlambda[GBT_SIDES];
-    gbt_real sigma[GBT_SIDES], shift[GBT_SIDES], target[GBT_SIDES];
+    /* limits: y = e + s - t - width, with weight c, multipliers lambda of t and c - lambda of s; c, its inverse and the
+       half widths are the same in every piece, and only penalties have an e */
+    gbt_real c[GBT_SIDES_OF_PIECE + 1], inverse[GBT_SIDES_OF_PIECE + 1], width[GBT_SIDES_OF_PIECE + 1];
+    gbt_real y[GBT_SIDES], y_trial[GBT_SIDES], s[GBT_SIDES], t[GBT_SIDES], lambda[GBT_SIDES];
+    gbt_real sigma[GBT_SIDES], shift[GBT_SIDES];
+    union {
+        gbt_real target[GBT_SIDES]; /* the multipliers that Newton's step is found with, */
+        gbt_real dy[GBT_SIDES];     /* and what it changes y by */
+    } step_of;
+    gbt_real e[GBT_SOFT ? GBT_SIDES : 1], de[GBT_SOFT ? GBT_SIDES : 1];
     /* what the present solve is about */
     gbt_real guess[GBT_PIECES * GBT_FREE];
     int first, pieces, count; /* of the part of the horizon that is being solved: its first piece, pieces, and sides of

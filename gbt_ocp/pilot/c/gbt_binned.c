@@ -72,8 +72,7 @@ static void step(gbt_binned_filter *binned, const gbt_binned_settings *settings)
     const gbt_bin *bin = &binned->bins.bin[binned->bins.count - 1];
     gbt_waiting *waiting = &binned->waiting;
     gbt_real mean[D], covariance[D * D], line[D], square;
-    static const gbt_sighting nothing;
-    gbt_sighting said = nothing;
+    gbt_sighting said = (gbt_sighting){0};
     int early = 0;
     /* a filter begins with a bearing */
     while (binned->begun && early < waiting->count && waiting->sighting[early].time < bin->time - ON_TIME)

@@ -10,8 +10,7 @@
 #if GBT_CURRENT
 void gbt_current_begin(gbt_current *current)
 {
-    static const gbt_current nothing;
-    *current = nothing;
+    *current = (gbt_current){0};
     for (int p = 0; p < D; p++) {
         current->velocity[p] = current->planned_for[p] = gbt_pilot_numbers.current[p];
         current->spread[p][p] = gbt_pilot_numbers.current_std * gbt_pilot_numbers.current_std;

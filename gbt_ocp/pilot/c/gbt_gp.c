@@ -9,6 +9,7 @@
 #define LARGEST_NUGGET ((gbt_real)1e-2)
 
 size_t gbt_gp_bytes(void) { return sizeof(gbt_gp); }
+size_t gbt_gp_work_bytes(void) { return sizeof(gbt_gp_work); }
 
 /* A track that has seen no bearing. */
 static void begin(gbt_gp *process, const gbt_gp_settings *settings, int known, const gbt_real *start)
@@ -86,17 +87,9 @@ static void rows_of(const gbt_gp *process, gbt_gp_rows *rows)
     rows->rows = r;
 }
 
-/* A posterior: the rows, the factor of their covariance, L^-1 times their values, and the prior variance. */
-typedef struct {
-    gbt_gp_rows rows;
-    int sound, raised; /* whether there is one; how often the nugget was multiplied by ten for it */
-    gbt_real nugget, variance;
-    gbt_wide factor[GBT_PACKED], values[R];
-} posterior;
-
 /* The factor of the covariance of the rows, with the nugget multiplied by ten as often as that needs; 0 if no nugget
    helps. */
-static int conditioned(const gbt_gp *process, const gbt_gp_settings *settings, posterior *of)
+static int conditioned(const gbt_gp *process, const gbt_gp_settings *settings, gbt_gp_posterior *of)
 {
     of->nugget = GBT_TUNED_NUGGET ? gbt_exp(process->log_theta[GBT_TUNABLE - 1]) : settings->tuning.nugget;
     for (of->raised = 0;; of->raised++) {
@@ -107,7 +100,7 @@ static int conditioned(const gbt_gp *process, const gbt_gp_settings *settings, p
     }
 }
 
-static void condition(const gbt_gp *process, const gbt_gp_settings *settings, posterior *of)
+static void condition(const gbt_gp *process, const gbt_gp_settings *settings, gbt_gp_posterior *of)
 {
     rows_of(process, &of->rows);
     of->variance = gbt_exp(2 * process->log_theta[GBT_SHAPES]);
@@ -120,7 +113,7 @@ static void condition(const gbt_gp *process, const gbt_gp_settings *settings, po
 }
 
 /* The mean and the covariance at a time. */
-static void predict(const gbt_gp *process, const posterior *of, double time, gbt_real *mean, gbt_real *covariance)
+static void predict(const gbt_gp *process, const gbt_gp_posterior *of, double time, gbt_real *mean, gbt_real *covariance)
 {
     gbt_wide cross[R][D];
     const int n = of->rows.rows;
@@ -146,14 +139,13 @@ static void predict(const gbt_gp *process, const posterior *of, double time, gbt
     }
 }
 
-int gbt_gp_predict(const gbt_gp *process, const gbt_gp_settings *settings, const double *times, int count, gbt_real *mean,
-                   gbt_real *covariance)
+int gbt_gp_predict(const gbt_gp *process, const gbt_gp_settings *settings, gbt_gp_work *work, const double *times, int count,
+                   gbt_real *mean, gbt_real *covariance)
 {
-    posterior now;
-    condition(process, settings, &now);
-    for (int t = 0; t < count; t++)
-        predict(process, &now, times[t], &mean[t * D], &covariance[t * D * D]);
-    return now.raised;
+    gbt_gp_posterior *now = &work->posterior;
+    condition(process, settings, now);
+    for (int t = 0; t < count; t++) predict(process, now, times[t], &mean[t * D], &covariance[t * D * D]);
+    return now->raised;
 }
 
 #if GBT_BREAKS
@@ -173,15 +165,15 @@ static void cut(gbt_gp *process, const gbt_gp_settings *settings, const gbt_real
 }
 
 /* Judges a bearing before it is taken in. */
-static gbt_gp_taken judge(gbt_gp *process, const gbt_gp_settings *settings, const gbt_sample *sample)
+static gbt_gp_taken judge(gbt_gp *process, const gbt_gp_settings *settings, gbt_gp_posterior *before,
+                          const gbt_sample *sample)
 {
-    posterior before;
     gbt_real mean[D], covariance[D * D], deviation = 0;
-    condition(process, settings, &before);
-    predict(process, &before, sample->time, mean, covariance);
-    if (gbt_breaks_judge(&process->breaks, mean, covariance, before.variance * before.nugget, sample->bearing, sample->own,
+    condition(process, settings, before);
+    predict(process, before, sample->time, mean, covariance);
+    if (gbt_breaks_judge(&process->breaks, mean, covariance, before->variance * before->nugget, sample->bearing, sample->own,
                          &deviation)) {
-        predict(process, &before, process->suspect.time, mean, covariance);
+        predict(process, before, process->suspect.time, mean, covariance);
         cut(process, settings, mean, deviation);
         return GBT_GP_BROKEN;
     }
@@ -203,8 +195,8 @@ static int sound_sample(const gbt_gp *process, const gbt_sample *sample)
     return process->count == 0 || sample->time > process->window[process->count - 1].time;
 }
 
-gbt_gp_taken gbt_gp_add(gbt_gp *process, const gbt_gp_settings *settings, double time, const gbt_real *bearing,
-                        const gbt_real *own)
+gbt_gp_taken gbt_gp_add(gbt_gp *process, const gbt_gp_settings *settings, gbt_gp_work *work, double time,
+                        const gbt_real *bearing, const gbt_real *own)
 {
     gbt_gp_taken taken = GBT_GP_TAKEN;
     gbt_gp_rows rows;
@@ -217,7 +209,7 @@ gbt_gp_taken gbt_gp_add(gbt_gp *process, const gbt_gp_settings *settings, double
     if (!sound_sample(process, &sample)) return GBT_GP_REFUSED;
     if (gbt_gap_ended(&process->gaps, time)) begin(process, settings, 0, own);
 #if GBT_BREAKS
-    else if (process->begun) taken = judge(process, settings, &sample);
+    else if (process->begun) taken = judge(process, settings, &work->posterior, &sample);
     if (taken == GBT_GP_WAITS) return taken;
 #endif
     for (int i = 1; process->count == GBT_WINDOW && i < GBT_WINDOW; i++) process->window[i - 1] = process->window[i];
@@ -228,6 +220,6 @@ gbt_gp_taken gbt_gp_add(gbt_gp *process, const gbt_gp_settings *settings, double
     for (int k = 0; k < D; k++)
         process->centre[k] = known_in_window(process) ? process->known_mean[k] : settings->on_vehicle ? own[k] : process->zero[k];
     rows_of(process, &rows);
-    gbt_gp_tune(&settings->tuning, &rows, process->log_theta);
+    gbt_gp_tune(&settings->tuning, &rows, &work->tuning, process->log_theta);
     return taken;
 }

@@ -40,6 +40,20 @@ typedef struct {
     gbt_real log_theta[GBT_TUNABLE];
 } gbt_gp;
 
+/* A posterior: the rows, the factor of their covariance, L^-1 times their values, and the prior variance. */
+typedef struct {
+    gbt_gp_rows rows;
+    int sound, raised; /* whether there is one; how often the nugget was multiplied by ten for it */
+    gbt_real nugget, variance;
+    gbt_wide factor[GBT_PACKED], values[GBT_ROWS_OF_WINDOW];
+} gbt_gp_posterior;
+
+/* What predicting and tuning work on. It keeps nothing from one call to the next. */
+typedef union {
+    gbt_gp_posterior posterior;
+    gbt_gp_tuning_work tuning;
+} gbt_gp_work;
+
 /* What became of a bearing. */
 typedef enum {
     GBT_GP_REFUSED = 0, /* not finite, or not after the last one */
@@ -48,8 +62,9 @@ typedef enum {
     GBT_GP_BROKEN = 3   /* taken, after a break: the window begins with the bearing before it */
 } gbt_gp_taken;
 
-/* Size of a gbt_gp, for callers that do not see the struct. */
+/* Sizes of both, for callers that do not see the structs. */
 size_t gbt_gp_bytes(void);
+size_t gbt_gp_work_bytes(void);
 
 /* Nothing taken yet, with the vehicle at start, GBT_DIMENSION. */
 void gbt_gp_begin(gbt_gp *process, const gbt_gp_settings *settings, const gbt_real *start);
@@ -58,13 +73,13 @@ void gbt_gp_begin(gbt_gp *process, const gbt_gp_settings *settings, const gbt_re
 void gbt_gp_shift(gbt_gp *process, const gbt_real *way);
 
 /* Takes a bearing, a unit vector, from an own position, GBT_DIMENSION each, after the time of the last one. */
-gbt_gp_taken gbt_gp_add(gbt_gp *process, const gbt_gp_settings *settings, double time, const gbt_real *bearing,
-                        const gbt_real *own);
+gbt_gp_taken gbt_gp_add(gbt_gp *process, const gbt_gp_settings *settings, gbt_gp_work *work, double time,
+                        const gbt_real *bearing, const gbt_real *own);
 
 /* Where the target is at so many times: means and covariances one after the other. Returns how often the nugget had to be
    multiplied by ten for that. */
-int gbt_gp_predict(const gbt_gp *process, const gbt_gp_settings *settings, const double *times, int count, gbt_real *mean,
-                   gbt_real *covariance);
+int gbt_gp_predict(const gbt_gp *process, const gbt_gp_settings *settings, gbt_gp_work *work, const double *times, int count,
+                   gbt_real *mean, gbt_real *covariance);
 
 GBT_END_C
 

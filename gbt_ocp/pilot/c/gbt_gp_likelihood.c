@@ -6,7 +6,7 @@
 #define R GBT_ROWS_OF_WINDOW
 #define ROW GBT_ROW_BEGIN
 #define P GBT_TUNABLE
-#define SLOPES (GBT_SHAPES + GBT_TUNED_NUGGET + 1) /* shapes, nugget, the rows' own variances */
+#define SLOPES GBT_SLOPES
 #define EVALUATIONS 40                             /* most expansions of the likelihood in one search */
 #define LONGEST_STEP ((gbt_real)2)                 /* largest change of a logarithm in one step */
 #define SMALLEST_FALL ((gbt_real)0.02)             /* of the gradient, over what was expected, that tells of curvature */
@@ -127,10 +127,11 @@ static gbt_real turn_of(int parameter, int expanded)
 }
 
 /* 0 where the covariance has no Cholesky factor. */
-static int expand(const gbt_tuning *tuning, const gbt_gp_rows *rows, const gbt_real *log_theta, expansion *out)
+static int expand(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_gp_tuning_work *work, const gbt_real *log_theta,
+                  expansion *out)
 {
     enum { Q = SLOPES + 1 };
-    gbt_wide inverse[GBT_PACKED], slope[SLOPES][GBT_PACKED]; /* most of the stack that the process takes */
+    gbt_wide *inverse = work->inverse, (*slope)[GBT_PACKED] = work->slope;
     gbt_real whitened[R], gradient[Q], information[Q][Q];
     const int n = rows->rows;
     const gbt_real nugget = nugget_of(tuning, log_theta), noise = gbt_exp(2 * log_theta[GBT_SHAPES]) * nugget;
@@ -238,12 +239,12 @@ static void correct(gbt_real correction[P][P], gbt_real information[P][P], const
 }
 
 /* The log theta that maximises likelihood times priors within bounds, from a start, by Fisher scoring. */
-static void maximise(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_real *theta)
+static void maximise(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_gp_tuning_work *work, gbt_real *theta)
 {
     expansion here, there;
     gbt_real damping = 0, correction[P][P] = {{0}}, sum[P][P], step[P], trial[P], fall[P];
     for (int p = 0; p < P; p++) theta[p] = gbt_fmin(gbt_fmax(theta[p], low_of(tuning, p)), tuning->high[p]);
-    if (!expand(tuning, rows, theta, &here)) return;
+    if (!expand(tuning, rows, work, theta, &here)) return;
     for (int k = 0; k < EVALUATIONS; k++) {
         int free[P], some = 0;
         gbt_real steepest = 0;
@@ -261,7 +262,7 @@ static void maximise(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_real
             scoring_step(here.information, here.gradient, free, damping, step) < GAIN)
             return;
         for (int p = 0; p < P; p++) trial[p] = gbt_fmin(gbt_fmax(theta[p] + step[p], low_of(tuning, p)), tuning->high[p]);
-        if (expand(tuning, rows, trial, &there) && there.value > here.value) {
+        if (expand(tuning, rows, work, trial, &there) && there.value > here.value) {
             for (int p = 0; p < P; p++) {
                 step[p] = trial[p] - theta[p];
                 fall[p] = here.gradient[p] - there.gradient[p];
@@ -278,19 +279,19 @@ static void maximise(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_real
     }
 }
 
-void gbt_gp_tune(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_real *log_theta)
+void gbt_gp_tune(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_gp_tuning_work *work, gbt_real *log_theta)
 {
     gbt_real smooth[P];
     expansion here, there;
     int some = 0;
     for (int p = 0; p < P; p++) some = some || tuning->high[p] > low_of(tuning, p);
     if (!some) return;
-    maximise(tuning, rows, log_theta);
+    maximise(tuning, rows, work, log_theta);
     if (!GBT_TUNED_NUGGET || log_theta[0] > tuning->suspect) return;
     /* Noise can be taken for a motion that jitters, and no local search leaves that: try the other start too. */
     for (int p = 0; p < P; p++) smooth[p] = tuning->smooth[p];
-    maximise(tuning, rows, smooth);
-    if (!expand(tuning, rows, smooth, &there)) return;
-    if (expand(tuning, rows, log_theta, &here) && here.value >= there.value) return;
+    maximise(tuning, rows, work, smooth);
+    if (!expand(tuning, rows, work, smooth, &there)) return;
+    if (expand(tuning, rows, work, log_theta, &here) && here.value >= there.value) return;
     for (int p = 0; p < P; p++) log_theta[p] = smooth[p];
 }

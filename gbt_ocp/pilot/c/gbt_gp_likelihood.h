@@ -12,6 +12,8 @@ GBT_BEGIN_C
 #define GBT_PACKED GBT_ROW_BEGIN(GBT_ROWS_OF_WINDOW) /* entries of the lower triangle of a matrix of the rows */
 #define GBT_TUNABLE (GBT_SHAPES + 1 + GBT_TUNED_NUGGET) /* logarithms: the kernel's parameters, amplitude(, nugget) */
 
+#define GBT_SLOPES (GBT_SHAPES + GBT_TUNED_NUGGET + 1) /* of the covariance: by shapes, nugget, the rows' own variances */
+
 /* What a window says: rows direction . position = value + noise. */
 typedef struct {
     int rows, noisy; /* noisy: whether a row has a variance of its own */
@@ -39,8 +41,13 @@ int gbt_factor(gbt_wide *lower, int n);
 void gbt_gp_covariance(const gbt_gp_rows *rows, const gbt_real *log_theta, gbt_real nugget, gbt_wide omega[GBT_PACKED],
                        gbt_wide slopes[GBT_SHAPES][GBT_PACKED]);
 
+/* What tuning works on. */
+typedef struct {
+    gbt_wide inverse[GBT_PACKED], slope[GBT_SLOPES][GBT_PACKED];
+} gbt_gp_tuning_work;
+
 /* From the last log theta to that of the largest likelihood near it, or of a smooth motion with noise. */
-void gbt_gp_tune(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_real *log_theta);
+void gbt_gp_tune(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_gp_tuning_work *work, gbt_real *log_theta);
 
 GBT_END_C
 

@@ -3,7 +3,7 @@
 #include "gbt_math.h"
 
 #define D GBT_DIMENSION
-#define N GBT_HELD
+#define N GBT_BANK_STATE
 #define AT GBT_HELD_AT
 #define HALF_STEP ((gbt_real)GBT_AHEAD_STEP / 2)
 

@@ -3,7 +3,7 @@
 #include "gbt_math.h"
 
 #define D GBT_DIMENSION
-#define N GBT_HELD
+#define N GBT_BANK_STATE
 #define AT GBT_HELD_AT
 #define HALF_TURN (GBT_TURN / 2)
 #define NEAREST_SQUARED ((gbt_real)1) /* square of the range below which a component tells no directions apart, m^2 */

@@ -14,7 +14,7 @@ GBT_BEGIN_C
 enum { GBT_AT_AZIMUTH, GBT_AT_LOG_RANGE, GBT_AT_COURSE, GBT_AT_TURN, GBT_AT_LEVEL, GBT_AT_CHANGE, GBT_AT_ELEVATION, GBT_AT_CLIMB };
 
 #define GBT_AT_SIZE (2 * GBT_DIMENSION + 2)           /* of the log of the size */
-#define GBT_HELD (GBT_AT_SIZE + GBT_SIZED)            /* numbers of a state: 6, or 8 in space, and the size's */
+#define GBT_BANK_STATE (GBT_AT_SIZE + GBT_SIZED)      /* numbers of a state: 6, or 8 in space, and the size's */
 #define GBT_BRANCHES (GBT_TURN_STDS * GBT_SPEED_STDS) /* pairs of deviations */
 
 #define GBT_HELD_AT(i, j) ((i) >= (j) ? GBT_ROW_BEGIN(i) + (j) : GBT_ROW_BEGIN(j) + (i)) /* place in a covariance */
@@ -35,7 +35,7 @@ typedef struct {
 
 typedef struct {
     gbt_real log_weight;
-    gbt_real mean[GBT_HELD], covariance[GBT_ROW_BEGIN(GBT_HELD)]; /* lower triangle */
+    gbt_real mean[GBT_BANK_STATE], covariance[GBT_ROW_BEGIN(GBT_BANK_STATE)]; /* lower triangle */
     int branch; /* the pair of deviations that it belongs to */
 } gbt_component;
 
@@ -56,7 +56,7 @@ void gbt_bank_advance(const gbt_held_prior *prior, gbt_component *one, gbt_real 
 
 /* Where it is some seconds later relative to the vehicle, which has moved by `moved`, and slopes of that by the state now. */
 void gbt_bank_move(const gbt_component *one, gbt_real step, const gbt_real *moved, gbt_real *place,
-                   gbt_real slopes[GBT_DIMENSION][GBT_HELD]);
+                   gbt_real slopes[GBT_DIMENSION][GBT_BANK_STATE]);
 
 /* Position relative to the vehicle at the mode, and its covariance; slopes by azimuth, log range(, elevation). */
 void gbt_bank_position(const gbt_component *one, gbt_real *place, gbt_real slopes[GBT_DIMENSION][GBT_DIMENSION]);

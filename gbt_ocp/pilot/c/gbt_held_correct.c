@@ -3,7 +3,7 @@
 #include "gbt_math.h"
 
 #define D GBT_DIMENSION
-#define N GBT_HELD
+#define N GBT_BANK_STATE
 #define AT GBT_HELD_AT
 #define LEAST_COSINE ((gbt_real)0.05) /* of an elevation: straight above the vehicle there is no azimuth */
 #define LEAST ((gbt_real)1e-30) /* of what a square root is taken of */

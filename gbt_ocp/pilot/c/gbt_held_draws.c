@@ -2,7 +2,7 @@
 
 #include "gbt_math.h"
 
-#define N GBT_HELD
+#define N GBT_BANK_STATE
 #define AT GBT_HELD_AT
 #define RANGE_CELL ((gbt_real)0.4)
 #define NEW_MANNER ((gbt_real)0.02) /* probability that the speed changes in another manner where the turn rate is drawn again */
@@ -101,7 +101,6 @@ int gbt_bank_other_manners(const gbt_held_prior *prior, const gbt_component *giv
 int gbt_bank_draw_again(const gbt_held_prior *prior, const gbt_component *given, int count, gbt_real share,
                         gbt_cells *cells, gbt_component *again)
 {
-    static const gbt_component nothing;
     int some = 0;
     const int likeliest = likeliest_of(given, count);
     for (int k = 0; k < GBT_ALL_CELLS; k++) cells->number[k] = 0;
@@ -113,7 +112,7 @@ int gbt_bank_draw_again(const gbt_held_prior *prior, const gbt_component *given,
             short *number = cell_of(cells, given, k, further);
             if (!(weight > 0)) continue;
             if (*number == 0) {
-                again[some] = nothing;
+                again[some] = (gbt_component){0};
                 again[some].branch = in_manner(given[k].branch, further);
                 again[some].log_weight = weight; /* of the likeliest, until the sum is known */
                 cells->best[some] = (short)k;

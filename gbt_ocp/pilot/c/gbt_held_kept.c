@@ -9,7 +9,7 @@
 /* A component by its number: those that are kept, then those that draw again. */
 gbt_component *gbt_held_at(gbt_held_turn *tracker, gbt_held_turn_work *work, int slot)
 {
-    return slot < GBT_COMPONENTS ? &tracker->component[slot] : &work->again[slot - GBT_COMPONENTS];
+    return slot < GBT_COMPONENTS ? &tracker->component[slot] : &work->room.again[slot - GBT_COMPONENTS];
 }
 
 /* Probabilities of so many components, from slot 0 on and from GBT_COMPONENTS on. */
@@ -31,7 +31,7 @@ void gbt_held_weigh(gbt_held_turn *tracker, gbt_held_turn_work *work, int again)
 /* Whether one slot comes before another: by weight, and of equal ones by number. */
 static int comes_first(const gbt_held_turn_work *work, int one, int other)
 {
-    return work->weight[one] > work->weight[other] || (work->weight[one] == work->weight[other] && one < other);
+    return one < other ? work->weight[one] >= work->weight[other] : work->weight[one] > work->weight[other];
 }
 
 /* Keeps the likeliest components, at most so many, with more than a least weight, in the order of their weights. */
@@ -42,20 +42,20 @@ void gbt_held_keep_likeliest(gbt_held_turn *tracker, gbt_held_turn_work *work, i
     int some = 0;
     for (int k = 0; k < all; k++) {
         const int slot = k < tracker->count ? k : k - tracker->count + GBT_COMPONENTS;
-        if (work->weight[slot] > least) work->order[some++] = (short)slot;
+        if (work->weight[slot] > least) work->list.judged.order[some++] = (short)slot;
     }
     for (int g = 0; g < (int)(sizeof gaps / sizeof *gaps); g++)
         for (int k = gaps[g]; k < some; k++) {
-            const short one = work->order[k];
+            const short one = work->list.judged.order[k];
             int place = k;
-            for (; place >= gaps[g] && comes_first(work, one, work->order[place - gaps[g]]); place -= gaps[g])
-                work->order[place] = work->order[place - gaps[g]];
-            work->order[place] = one;
+            for (; place >= gaps[g] && comes_first(work, one, work->list.judged.order[place - gaps[g]]); place -= gaps[g])
+                work->list.judged.order[place] = work->list.judged.order[place - gaps[g]];
+            work->list.judged.order[place] = one;
         }
     tracker->count = some < most ? some : most;
     for (int k = 0; k < tracker->count; k++) {
-        int slot = work->order[k];
-        while (slot < k) slot = work->order[slot]; /* it has changed places with one that stands there by now */
+        int slot = work->list.judged.order[k];
+        while (slot < k) slot = work->list.judged.order[slot]; /* it has changed places with one that stands there by now */
         if (slot == k) continue;
         gbt_component *here = &tracker->component[k], *there = gbt_held_at(tracker, work, slot);
         const gbt_component kept = *here;
@@ -111,18 +111,18 @@ void gbt_held_look_ahead(gbt_held_turn *tracker, const gbt_held_turn_settings *s
     const int most = tracker->count < AHEAD_MOST ? tracker->count : AHEAD_MOST;
     const int median = wide(tracker, work);
     gbt_real mean[D], covariance[D * D];
-    gbt_fading_begin(&settings->prior, tracker->nodes, &work->fading);
-    for (int node = 0; node < tracker->nodes; node++) gbt_mixed_begin(&work->mixed[node], median);
+    gbt_fading_begin(&settings->prior, tracker->nodes, &work->room.look.fading);
+    for (int node = 0; node < tracker->nodes; node++) gbt_mixed_begin(&work->room.look.mixed[node], median);
     for (int k = 0; k < most; k++) {
         const gbt_component *one = &tracker->component[k];
         if (!(work->weight[k] > FORGOTTEN)) break;
-        gbt_ahead_begin(&work->ahead, &settings->prior, &work->fading, tracker->nodes, one, mean, covariance);
-        gbt_mixed_add(&work->mixed[0], work->weight[k], mean, covariance);
+        gbt_ahead_begin(&work->room.look.ahead, &settings->prior, &work->room.look.fading, tracker->nodes, one, mean, covariance);
+        gbt_mixed_add(&work->room.look.mixed[0], work->weight[k], mean, covariance);
         for (int node = 1; node < tracker->nodes; node++) {
-            gbt_ahead_next(&work->ahead, &work->fading, one, node, mean, covariance);
-            gbt_mixed_add(&work->mixed[node], work->weight[k], mean, covariance);
+            gbt_ahead_next(&work->room.look.ahead, &work->room.look.fading, one, node, mean, covariance);
+            gbt_mixed_add(&work->room.look.mixed[node], work->weight[k], mean, covariance);
         }
     }
     for (int node = 0; node < tracker->nodes; node++)
-        gbt_mixed_moments(&work->mixed[node], tracker->mean[node], tracker->covariance[node][0]);
+        gbt_mixed_moments(&work->room.look.mixed[node], tracker->mean[node], tracker->covariance[node][0]);
 }

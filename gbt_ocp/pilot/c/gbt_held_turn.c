@@ -88,10 +88,10 @@ static int carry(gbt_held_turn *tracker, const gbt_held_turn_settings *settings,
     if (!(seconds > 0)) return 0;
     for (int j = 0; j < D; j++) moved[j] = own[j] - tracker->own[j];
     if (time - tracker->first > OPEN_S && tracker->now - tracker->first <= OPEN_S) {
-        again = gbt_bank_other_manners(&settings->prior, tracker->component, held, work->again);
+        again = gbt_bank_other_manners(&settings->prior, tracker->component, held, work->room.again);
     } else if (time - tracker->first > OPEN_S) {
         const gbt_real share = -gbt_expm1(-seconds / settings->prior.hold);
-        again = gbt_bank_draw_again(&settings->prior, tracker->component, held, share, &work->cells, work->again);
+        again = gbt_bank_draw_again(&settings->prior, tracker->component, held, share, &work->list.cells, work->room.again);
         for (int k = 0; k < held; k++) tracker->component[k].log_weight += gbt_log1p(-share);
     }
     for (int k = 0; k < held + again; k++)
@@ -127,12 +127,12 @@ static void step(gbt_held_turn *tracker, const gbt_held_turn_settings *settings,
         gbt_component *one = gbt_held_at(tracker, work, slot);
         const gbt_real range = gbt_exp(one->mean[GBT_AT_LOG_RANGE]);
         const gbt_real noise = gbt_noise_of_mean(&settings->noise, bin->count, settings->binning.width, range, white);
-        work->square[slot] = gbt_bank_correct(one, angles, noise);
+        work->list.judged.square[slot] = gbt_bank_correct(one, angles, noise);
     }
     gbt_held_weigh(tracker, work, again);
     for (int k = 0; k < held + again; k++) {
         const int slot = k < held ? k : k - held + GBT_COMPONENTS;
-        square += work->weight[slot] * work->square[slot];
+        square += work->weight[slot] * work->list.judged.square[slot];
     }
     const int lost = gbt_lost_after(&tracker->lost, square / GBT_AXES);
     keep(tracker, settings, work, again, bin->time);

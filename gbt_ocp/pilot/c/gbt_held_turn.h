@@ -49,13 +49,22 @@ typedef struct {
 
 /* What a step works on. */
 typedef struct {
-    gbt_component again[GBT_CELLS]; /* those that draw their turn rate again */
-    gbt_cells cells;
-    gbt_real weight[GBT_HELD_SLOTS], square[GBT_HELD_SLOTS];
-    short order[GBT_HELD_SLOTS];
-    gbt_mixed mixed[GBT_HELD_NODES];
-    gbt_fading fading;
-    gbt_ahead ahead;
+    gbt_real weight[GBT_HELD_SLOTS];
+    union {
+        gbt_component again[GBT_CELLS]; /* those that draw their turn rate again; after they are kept or forgotten, */
+        struct {
+            gbt_mixed mixed[GBT_HELD_NODES];
+            gbt_fading fading;
+            gbt_ahead ahead;
+        } look;
+    } room;
+    union {
+        gbt_cells cells; /* while those are drawn; then, */
+        struct {
+            gbt_real square[GBT_HELD_SLOTS];
+            short order[GBT_HELD_SLOTS];
+        } judged;
+    } list;
 } gbt_held_turn_work;
 
 /* Sizes of both, for callers that do not see the structs. */

@@ -4,22 +4,53 @@
 
 #define LATE (gbt_pilot_numbers.late)
 
-/* Keeps the tracker's state, and forgets what is older than a late measurement can be. */
+/* Keeps the tracker's state as the last one. */
 static void keep_state(gbt_intake *intake, const gbt_tracker *tracker)
 {
-    int rest = 0;
     intake->since_state = 0;
-    if (LATE > 0) {
-        if (intake->states == 2) intake->state[0] = intake->state[1];
-        if (intake->states < 2) intake->states++;
-        intake->state[intake->states - 1].time = intake->latest;
-        intake->state[intake->states - 1].tracker = *tracker;
-    }
-    const double oldest = intake->states > 0 ? intake->state[0].time : HUGE_VAL;
-    for (int k = 0; k < intake->taken + intake->arrived; k++)
-        if (k >= intake->taken || intake->sightings[k].time > oldest) intake->sightings[rest++] = intake->sightings[k];
-    intake->taken = rest - intake->arrived;
+    if (!(LATE > 0)) return;
+    if (intake->states == GBT_KEPT_STATES)
+        for (int k = 1; k < GBT_KEPT_STATES; k++) intake->state[k - 1] = intake->state[k];
+    if (intake->states < GBT_KEPT_STATES) intake->states++;
+    intake->state[intake->states - 1].time = intake->latest;
+    intake->state[intake->states - 1].tracker = *tracker;
 }
+
+/* Forgets so many of the measurements that were taken, the oldest. */
+static void forget(gbt_intake *intake, int count)
+{
+    intake->taken -= count;
+    for (int k = 0; k < intake->taken + intake->arrived; k++) intake->sightings[k] = intake->sightings[k + count];
+}
+
+#if GBT_KEPT_STATES == 1
+/* Gives the state what is older than a late measurement can be, all of one time. */
+static void move_on(gbt_intake *intake, gbt_tracker_work *work)
+{
+    gbt_kept_state *state = &intake->state[0];
+    int count = 0;
+    for (; count < intake->taken; count++) {
+        const gbt_sighting *sighting = &intake->sightings[count];
+        const int old = sighting->time < intake->latest - LATE || intake->taken - count > GBT_BETWEEN_STATES;
+        if (!old && sighting->time != state->time) break;
+        gbt_tracker_take(&state->tracker, work, sighting);
+        state->time = sighting->time;
+    }
+    if (count > 0) forget(intake, count);
+}
+#else
+/* Before a measurement of a time is taken: keeps a state where the last one is old, and forgets what is older than a late
+   measurement can be. Not between measurements of one time: those after a state are told from those in it by their times. */
+static void move_on(gbt_intake *intake, const gbt_tracker *tracker, double time)
+{
+    const int old = time > intake->latest && intake->latest - intake->state[intake->states - 1].time >= LATE;
+    int count = 0;
+    if (!old && intake->since_state < GBT_BETWEEN_STATES) return;
+    keep_state(intake, tracker);
+    while (count < intake->taken && !(intake->sightings[count].time > intake->state[0].time)) count++;
+    forget(intake, count);
+}
+#endif
 
 void gbt_intake_begin(gbt_intake *intake, const gbt_tracker *tracker)
 {
@@ -77,6 +108,9 @@ int gbt_intake_settle(gbt_intake *intake, gbt_tracker *tracker, gbt_tracker_work
     sort(first, intake->arrived);
     if (intake->arrived > 0 && first->time < intake->latest) refused = set_back(intake, tracker);
     while (intake->arrived > 0) {
+#if GBT_KEPT_STATES > 1
+        if (intake->states > 0) move_on(intake, tracker, intake->sightings[intake->taken].time);
+#endif
         gbt_sighting *sighting = &intake->sightings[intake->taken];
         const int took = gbt_tracker_take(tracker, work, sighting);
         intake->arrived--;
@@ -92,8 +126,9 @@ int gbt_intake_settle(gbt_intake *intake, gbt_tracker *tracker, gbt_tracker_work
         }
         intake->taken++;
         intake->since_state++;
-        if (intake->latest - intake->state[intake->states - 1].time >= LATE || intake->since_state >= GBT_BETWEEN_STATES)
-            keep_state(intake, tracker);
+#if GBT_KEPT_STATES == 1
+        move_on(intake, work);
+#endif
     }
     return refused;
 }

@@ -148,8 +148,7 @@ void gbt_course_begin(gbt_course *course, gbt_slopes *slopes, const gbt_shape_pr
     velocity_at(course, prior, motion);
     if (!slopes) return;
     gbt_real basis[GBT_AXES][D];
-    static const gbt_slopes nothing;
-    *slopes = nothing;
+    *slopes = (gbt_slopes){0};
     gbt_tangent_basis(motion->direction, basis);
     for (int i = 0; i < D; i++) {
         slopes->here[i][0] = prior->log_range_std * course->position[i];

@@ -17,12 +17,18 @@ static int is_far(const gbt_real *position, gbt_real *way)
 static void shift(gbt_pilot *pilot, const gbt_real *way)
 {
     gbt_intake *intake = &pilot->intake;
+    gbt_guidance *guidance = &pilot->guidance;
     gbt_tracker_shift(&pilot->tracker, way);
     for (int k = 0; k < intake->states; k++) gbt_tracker_shift(&intake->state[k].tracker, way);
     for (int j = 0; j < D; j++) {
         pilot->origin[j] += (double)way[j];
-        pilot->guidance.room.planner.origin[j] = pilot->origin[j];
-        pilot->guidance.follower.start[0][j] -= way[j];
+        guidance->room.planner.origin[j] = pilot->origin[j];
+#if GBT_SHOOTING
+        guidance->began[j] -= way[j];
+        for (int k = 0; k <= GBT_GRID; k++) guidance->regulator.state[k][j] -= way[j];
+#else
+        guidance->follower.start[0][j] -= way[j];
+#endif
         pilot->own.doubtful.pose[j] -= way[j];
         for (int k = 0; k < pilot->own.count; k++) pilot->own.state[k].pose[j] -= way[j];
         for (int k = 0; k < intake->taken + intake->arrived; k++) {

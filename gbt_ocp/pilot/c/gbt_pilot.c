@@ -42,8 +42,7 @@ static gbt_received answered(gbt_pilot *pilot, gbt_received word)
 
 double gbt_pilot_waypoint(const gbt_pilot *pilot, int after, gbt_setpoint *waypoint)
 {
-    static const gbt_setpoint nothing;
-    *waypoint = nothing;
+    *waypoint = (gbt_setpoint){0};
     waypoint->status = GBT_FOLLOW_NO_PLAN;
 #if GBT_SHOOTING /* inputs are what its plans are made of, as in Python */
     (void)pilot;
@@ -140,8 +139,7 @@ static int is_known(gbt_pilot *pilot, gbt_kind kind, int sensor, double time, do
 static gbt_received checked(gbt_kind kind, const gbt_real *value, const gbt_real *sigma, const gbt_sensor_pose *sensor,
                             double time, gbt_measurement *measurement)
 {
-    static const gbt_measurement nothing;
-    *measurement = nothing;
+    *measurement = (gbt_measurement){0};
     if ((unsigned)kind > GBT_POSITION) return GBT_WRONG; /* enums may be signed or not */
     measurement->kind = kind;
     measurement->time = time;
@@ -296,7 +294,6 @@ static void report(const gbt_pilot *pilot, double time, gbt_command *command)
 
 gbt_command_status gbt_pilot_command(gbt_pilot *pilot, double time, gbt_command *command)
 {
-    static const gbt_command nothing;
     const double period = gbt_pilot_numbers.period;
     gbt_own_state own;
     gbt_real z[GBT_FLAT], dz[GBT_FLAT];
@@ -305,7 +302,7 @@ gbt_command_status gbt_pilot_command(gbt_pilot *pilot, double time, gbt_command 
         if (time < pilot->last.time) command->notes |= GBT_NOTE_STEPPED_BACK;
         return command->status = GBT_COMMAND_AGAIN;
     }
-    *command = nothing;
+    *command = (gbt_command){0};
     command->time = time;
     command->setpoint.status = GBT_FOLLOW_NO_PLAN;
     if (!isfinite(time)) return command->status = GBT_COMMAND_NOT_FINITE;

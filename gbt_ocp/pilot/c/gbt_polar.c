@@ -113,10 +113,9 @@ static void in_space(const gbt_sighting *sighting, gbt_real bearing_std, gbt_pol
 void gbt_polar_of(const gbt_sighting *sighting, const gbt_real *position, gbt_real bearing_std, gbt_real log_size,
                   gbt_polar_rows *rows)
 {
-    static const gbt_polar_rows nothing;
     const gbt_kind kind = sighting->kind;
     gbt_real line[D];
-    *rows = nothing;
+    *rows = (gbt_polar_rows){0};
     for (int k = 0; k < D; k++) line[k] = position[k] - sighting->position[k];
     const gbt_real distance = gbt_length(line);
     if (distance > 0)

@@ -205,7 +205,6 @@ static void summarise(const gbt_shape_prior *prior, const gbt_fitted *fitted, co
 
 void gbt_hypotheses_moments(gbt_motion_gp *process, const gbt_motion_gp_settings *settings, gbt_motion_gp_work *work)
 {
-    static const gbt_hypothesis nothing;
     const int count = process->hypotheses * T;
     gbt_real weight[GBT_MOTIONS], total = 0, before = 0;
     const gbt_real largest = work->fitted[best_of(work->fitted, count)].log_evidence;
@@ -226,7 +225,7 @@ void gbt_hypotheses_moments(gbt_motion_gp *process, const gbt_motion_gp_settings
             for (int t = 0; t < T; t++) mine += weight[h * T + t] > gbt_exp(NEGLIGIBLE) ? weight[h * T + t] : 0;
             if ((mine > 0) != counts) continue;
             gbt_hypothesis *one = &process->hypothesis[place++];
-            *one = nothing;
+            *one = (gbt_hypothesis){0};
             summarise(&settings->prior, &work->fitted[h * T], &weight[h * T], one);
             if (!counts) continue;
             process->likely++;

@@ -9,6 +9,9 @@
 
 GBT_BEGIN_C
 
+/* a state, and one before it: what the tracker takes costs more than memory for it */
+#define GBT_KEPT_STATES 2
+
 typedef gbt_ekf gbt_tracker;
 typedef int gbt_tracker_work; /* it needs none */
 extern const gbt_ekf_settings gbt_tracker_settings; /* generated, in gbt_pilot_settings.c */

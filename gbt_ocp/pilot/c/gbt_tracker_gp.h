@@ -9,8 +9,11 @@
 
 GBT_BEGIN_C
 
+/* a state, and one before it: what the tracker takes costs more than memory for it */
+#define GBT_KEPT_STATES 2
+
 typedef gbt_gp gbt_tracker;
-typedef int gbt_tracker_work; /* it needs none */
+typedef gbt_gp_work gbt_tracker_work; /* keeps nothing from one measurement to the next */
 extern const gbt_gp_settings gbt_tracker_settings; /* generated, in gbt_pilot_settings.c */
 
 /* Nothing taken yet, with the vehicle at start, GBT_DIMENSION. */
@@ -26,20 +29,19 @@ static inline void gbt_tracker_shift(gbt_tracker *tracker, const gbt_real *way) 
 static inline int gbt_tracker_take(gbt_tracker *tracker, gbt_tracker_work *work, const gbt_sighting *sighting)
 {
     gbt_real bearing[GBT_DIMENSION];
-    (void)work;
     if (!gbt_is_bearing(sighting)) return 0;
     gbt_unit_of_angles(sighting->value, bearing);
-    return gbt_gp_add(tracker, &gbt_tracker_settings, sighting->time, bearing, sighting->position);
+    return gbt_gp_add(tracker, &gbt_tracker_settings, work, sighting->time, bearing, sighting->position);
 }
 
 /* The forecast from a time on. */
 static inline void gbt_tracker_predict(gbt_tracker *tracker, gbt_tracker_work *work, double time, gbt_forecast *forecast)
 {
     double times[GBT_AHEAD + 1];
-    (void)work;
     forecast->time = time;
     for (int k = 0; k <= GBT_AHEAD; k++) times[k] = time + gbt_pilot_numbers.forecast_period * k;
-    gbt_gp_predict(tracker, &gbt_tracker_settings, times, GBT_AHEAD + 1, forecast->mean[0], forecast->covariance[0][0]);
+    gbt_gp_predict(tracker, &gbt_tracker_settings, work, times, GBT_AHEAD + 1, forecast->mean[0],
+                   forecast->covariance[0][0]);
 }
 
 /* How often a new track has begun after a gap. */

@@ -8,6 +8,9 @@
 
 GBT_BEGIN_C
 
+/* a state that lags behind: the tracker is large, and what it takes costs little beside its forecasts */
+#define GBT_KEPT_STATES 1
+
 typedef gbt_held_turn gbt_tracker;
 typedef gbt_held_turn_work gbt_tracker_work; /* keeps nothing from one measurement to the next */
 extern const gbt_held_turn_settings gbt_tracker_settings; /* generated, in gbt_pilot_settings.c */

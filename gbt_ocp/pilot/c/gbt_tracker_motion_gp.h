@@ -9,6 +9,9 @@
 
 GBT_BEGIN_C
 
+/* a state, and one before it: what the tracker takes costs more than memory for it */
+#define GBT_KEPT_STATES 2
+
 typedef gbt_motion_gp gbt_tracker;
 typedef gbt_motion_gp_work gbt_tracker_work; /* keeps nothing from one measurement to the next */
 extern const gbt_motion_gp_settings gbt_tracker_settings; /* generated, in gbt_pilot_settings.c */
