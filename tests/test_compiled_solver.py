@@ -366,6 +366,22 @@ def test_a_warm_start_whose_end_coasts_is_repaired_there():
     assert repaired.objective == pytest.approx(cold.objective, abs=1e-2)
 
 
+@pytest.mark.parametrize("deadline", [1, 2, 7, 30, 300])
+def test_a_guess_far_from_a_solution_keeps_the_deadline_and_ends_within_the_limits(deadline):
+    """Its parts cost iterations too, and that it is far is no status of a solution."""
+    problem = fossen(2, "hard", pieces=20)
+    start, parameters = instance(problem, 3)
+    elsewhere = instance(problem, 103)[1]
+    plan = CompiledSolver(problem, {}).solve(start, parameters, np.zeros((20, 3)), cold=True)
+    solver = CompiledSolver(problem, {"deadline": deadline})
+    for cold in (False, True):
+        found = solver.solve(start, elsewhere, plan.variables, cold=cold)
+        assert found.iterations <= deadline
+        assert found.status == ("solved" if deadline == 300 else "iteration limit")
+        if found.solved:
+            assert found.violation < 1e-6
+
+
 def test_hard_limits_and_penalties_mix():
     problem = TrajectoryProblem(POINT_MASS, 4, 1.0).maximize(NEAREST).subject_to(ThrustLimit(POINT_MASS), nodes=2)
     problem = problem.subject_to_penalty(KeepOut((1.0, 0.0), 0.5), weight=50.0, width=0.05, nodes=8)

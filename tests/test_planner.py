@@ -200,7 +200,8 @@ def test_limits_are_tightened_when_the_executed_piece_breaks_them_between_nodes(
     tightenings = [float(asked["tightening"][0]) for asked in script.asked]
     assert tightenings[0] == 0.0
     assert tightenings[1] == pytest.approx(1.2 * 0.02 + 1e-4, rel=1e-6)
-    assert tightenings[2] == pytest.approx(1.2 * 0.025 + 2e-4, rel=1e-6)
+    # the first round left a quarter of what it was to gain: the second asks for a third more
+    assert tightenings[2] == pytest.approx(tightenings[1] + 1.2 * 0.005 / 0.75 + 1e-4, rel=1e-6)
     # The solution that was a little over is the start of the next try.
     np.testing.assert_array_equal(script.asked[1]["guess"], just_over(0.02))
     assert [asked["cold"] for asked in script.asked] == [True, False, False]

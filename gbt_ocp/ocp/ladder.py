@@ -19,6 +19,9 @@ from gbt_ocp.typing import Array
 TIGHTENINGS = 4
 """How often limits may be tightened in one attempt."""
 
+GAINED = 0.25
+"""Share that a round of tightening gains of what it was asked for, at least: more is not made up for."""
+
 FEASIBILITY = 1.0e-6
 """Limits besides thrust count as kept up to this, in their units."""
 
@@ -181,9 +184,10 @@ class Ladder:
                 best, least = trajectory, over
             if not np.any(again) or tightened == TIGHTENINGS:
                 break
+            # a little more than was found, over the share that the round before gained of what it was asked for
+            more = 1.2 * excess / np.maximum(1.0 - excess / before, GAINED) + 1e-4
+            tightening = tightening + np.where(again, more, 0.0)
             before = np.where(again, excess, before)
-            # a little more than was found, so that one round nearly always does it
-            tightening = tightening + np.where(again, 1.2 * excess + 1e-4, 0.0)
             guess, cold, tightened = solution.variables, False, tightened + 1
         unfinished = None
         variables = solution.variables

@@ -184,10 +184,10 @@ gbt_real gbt_last_barrier(const gbt_settings *settings)
     return settings->gap / gbt_fmax((gbt_real)GBT_COUNT / GBT_PIECES, FEWEST);
 }
 
-gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int iterations, gbt_workspace *work,
-                        gbt_result *result)
+gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, gbt_real reach, int iterations,
+                        gbt_workspace *work, gbt_result *result)
 {
-    const int last = result->iterations + iterations;
+    const int begin = result->iterations, last = begin + iterations;
     gbt_real delta = 0, merit;
     int flat = 0; /* whether the step promises less than rounding hides: then the iterate is as good as the precision
                      allows, also where the gradient is larger than the tolerance, as next to a kink of the objective
@@ -222,6 +222,10 @@ gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int i
         find_step(work);
         const gbt_real slope = objective_slope(work) + gbt_barrier_slope(work, mu);
         flat = gbt_fabs(slope) <= noise_of(merit);
+        if (result->iterations == begin && -slope > reach * mu * (gbt_real)work->count) {
+            result->iterations++;
+            return GBT_FAR;
+        }
 
         const gbt_real alpha = search(work, mu, slope, &merit);
         if (alpha <= 0) return GBT_NUMERICAL_FAILURE;
@@ -231,15 +235,15 @@ gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int i
 
 /* Violated limits on thrust are made dearer until they are kept or nothing more is gained: they are never given up for
    others. The others have the weight of their class, above which an objective must be steep to break them. */
-gbt_status gbt_minimise_within_limits(const gbt_settings *settings, gbt_real mu, int deadline, gbt_workspace *work,
-                                      gbt_result *result)
+gbt_status gbt_minimise_within_limits(const gbt_settings *settings, gbt_real mu, gbt_real reach, int deadline,
+                                      gbt_workspace *work, gbt_result *result)
 {
     gbt_real before = GBT_INFINITY;
     for (gbt_real weight = settings->limit_weight;; weight *= ESCALATION) {
         const int left = deadline - result->iterations;
         gbt_weigh_limits(work, weight, settings->limit_weight);
         const gbt_status status =
-            gbt_minimise(settings->tolerance, mu, gbt_last_barrier(settings),
+            gbt_minimise(settings->tolerance, mu, gbt_last_barrier(settings), before < GBT_INFINITY ? GBT_INFINITY : reach,
                          left < settings->iterations ? left : settings->iterations, work, result);
         const gbt_real violation = gbt_worst_side(work, GBT_HARD_THRUST);
         if (status != GBT_SOLVED) return status;

@@ -10,14 +10,16 @@ GBT_BEGIN_C
 gbt_real gbt_last_barrier(const gbt_settings *settings);
 
 /* Iterates from work->piece while mu falls to mu_last and until the gradient of the Lagrangian is within the tolerance,
-   at most so many times. Adds to result->iterations what it took and sets result->residual. */
-gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, int iterations, gbt_workspace *work,
-                        gbt_result *result);
+   at most so many times. Returns GBT_FAR, and changes nothing, where the first step promises a decrease of more than
+   reach times mu for each side: no step of that length is one of Newton's. Adds to result->iterations what it took and
+   sets result->residual. */
+gbt_status gbt_minimise(gbt_real tolerance, gbt_real mu, gbt_real mu_last, gbt_real reach, int iterations,
+                        gbt_workspace *work, gbt_result *result);
 
 /* The same until the hard limits are kept or no weight helps, or result->iterations has come to the deadline: the
    solved problem keeps all of them (GBT_SOLVED), all of thrust (GBT_GIVEN_UP), or not even those. */
-gbt_status gbt_minimise_within_limits(const gbt_settings *settings, gbt_real mu, int deadline, gbt_workspace *work,
-                                      gbt_result *result);
+gbt_status gbt_minimise_within_limits(const gbt_settings *settings, gbt_real mu, gbt_real reach, int deadline,
+                                      gbt_workspace *work, gbt_result *result);
 
 /* c and the half width of every side; the weights are those of the hard limits on thrust and of the others, each times
    what its class weighs. */

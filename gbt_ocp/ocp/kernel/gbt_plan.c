@@ -9,6 +9,7 @@
 #include "gbt_places.h"
 
 enum { N = GBT_PIECES * GBT_FREE };
+#define GAINED ((gbt_real)0.25) /* by a round of tightening, at least: more is not made up for */
 
 void gbt_plan_init(gbt_planner *planner)
 {
@@ -140,9 +141,9 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
             if (thrust && excess > over) over = excess;
             if (!thrust && gbt_limits[q].hard && nodes[0][q] > settings.feasibility) continue;
             if (!thrust && excess > before[q] / 2) continue;
+            /* a little more than was found, over the share that the round before gained of what it was asked for */
+            tightening[q] += (gbt_real)1.2 * excess / gbt_fmax(1 - excess / before[q], GAINED) + (gbt_real)1e-4;
             before[q] = excess;
-            /* a little more than was found, so that one round nearly always does it */
-            tightening[q] += (gbt_real)1.2 * excess + (gbt_real)1e-4;
             again = 1;
         }
         if (over > 0) status = GBT_BROKEN_BETWEEN_NODES;

@@ -44,7 +44,8 @@ static void more_iterations(gbt_planner *planner, gbt_result *result)
 #if GBT_BOX >= 0
     if (gbt_minimise_in_box(&planner->settings, MORE, work, result) != GBT_LIMIT_VIOLATED) return;
 #endif
-    gbt_minimise(planner->settings.tolerance, MU_IN_TIME, gbt_last_barrier(&planner->settings), MORE, work, result);
+    gbt_minimise(planner->settings.tolerance, MU_IN_TIME, gbt_last_barrier(&planner->settings), GBT_INFINITY, MORE,
+                 work, result);
 }
 
 /* One Newton step from what is prepared, for a start and the present numbers, and a few iterations more. */

@@ -6,10 +6,14 @@
 #include "gbt_math.h"
 #include "gbt_slacks.h"
 
-/* Pieces of the tail that is solved ahead of a warm start, and how well: it only has to be a good guess. */
-#define TAIL (GBT_PIECES < 16 ? GBT_PIECES / 2 : 8)
-#define SHORT 5 /* pieces of a horizon that needs no such help */
+#define SHORT 5 /* pieces of a horizon that is solved as a whole at once */
+/* Pieces of a part of a longer one that is solved by itself, and how well: it only has to be a good guess. */
+#define PART (GBT_PIECES < 16 ? GBT_PIECES / 2 : 8)
 #define ROUGH ((gbt_real)1e-2)
+#define ROUGHER ((gbt_real)0.1)
+#define TAIL_ITERATIONS 8
+#define COLDER ((gbt_real)10) /* mu of the first part of a cold guess over that of a cold start */
+#define REACH ((gbt_real)20)  /* decrease that Newton's step may promise from a warm guess, for each side in units of mu */
 
 /* Whether inputs alone may bound a trajectory. */
 #if GBT_SHOOTING && GBT_BOX >= 0
@@ -60,29 +64,63 @@ static void store(gbt_workspace *work, int first, gbt_real *u)
             u[(first + i) * GBT_FREE + a] = *gbt_free(work->piece[i], a) / gbt_input_scale[a];
 }
 
+/* Solves some pieces of the trajectory u, those before them fixed and those after them left out, while mu falls from one
+   value to another. Returns how many iterations that took. */
+static int solve_part(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters, int first,
+                      int pieces, gbt_real tolerance, gbt_real mu, gbt_real mu_last, int most, gbt_real *u,
+                      gbt_workspace *work)
+{
+    gbt_result found;
+    found.iterations = 0;
+    load(start, parameters, first, pieces, u, work);
+    gbt_weigh_limits(work, settings->limit_weight, settings->limit_weight);
+    const gbt_status status = gbt_minimise(tolerance, mu, mu_last, GBT_INFINITY, most, work, &found);
+    if (status == GBT_SOLVED || status == GBT_ITERATION_LIMIT) store(work, first, u);
+    return found.iterations;
+}
+
+/* As many iterations of the whole as cost the same as so many of a single piece. */
+static int of_whole(int iterations) { return (iterations + GBT_PIECES - 1) / GBT_PIECES; }
+
 /* A shifted plan is optimal nearly everywhere but at its end, where the new piece coasts and the pieces before it were
    planned as if nothing came after them. Left to the whole problem, the few pieces there take most of its iterations,
    each as dear as all pieces together, and end in a poor local optimum. So they are solved first, their beginning
-   fixed, from a barrier that lets them move. */
+   fixed, from a barrier that lets them move. Where that takes long, something before them has to change. */
 static void solve_tail(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters, gbt_real *u,
                        gbt_workspace *work, gbt_result *result)
 {
-    const int most = settings->iterations < settings->deadline ? settings->iterations : settings->deadline;
-    gbt_result found;
-    found.iterations = 0;
-    load(start, parameters, GBT_PIECES - TAIL, TAIL, u, work);
-    gbt_weigh_limits(work, settings->limit_weight, settings->limit_weight);
-    const gbt_status status = gbt_minimise(ROUGH, settings->barrier, settings->warm_barrier, most, work, &found);
-    if (status == GBT_SOLVED || status == GBT_ITERATION_LIMIT) store(work, GBT_PIECES - TAIL, u);
-    /* as many iterations of the whole as cost the same */
-    result->iterations += (found.iterations * TAIL + GBT_PIECES - 1) / GBT_PIECES;
+    const int most = settings->deadline < TAIL_ITERATIONS ? settings->deadline : TAIL_ITERATIONS;
+    const int spent = solve_part(settings, start, parameters, GBT_PIECES - PART, PART, ROUGH, settings->barrier,
+                                 settings->warm_barrier, most, u, work);
+    result->iterations += of_whole(spent * PART);
+}
+
+/* A guess that is far from a solution, coasting or the rest of a plan for a target that was believed to be elsewhere, is
+   led there part by part from its beginning, each part overlapping the one before by half: few pieces bend less than
+   many, so that their steps are longer, and cost less. What the vehicle does first decides most, and may move most. */
+static void solve_in_parts(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters, int warm,
+                           gbt_real *u, gbt_workspace *work, gbt_result *result)
+{
+    const gbt_real mu_last = warm ? gbt_fmax(settings->warm_barrier, gbt_last_barrier(settings)) : settings->barrier;
+    const int budget = (settings->deadline - result->iterations) * GBT_PIECES;
+    gbt_real mu = warm ? settings->barrier : COLDER * settings->barrier;
+    int spent = 0;
+    for (int first = 0, end = 0; end < GBT_PIECES; first += (PART + 1) / 2) {
+        const int pieces = GBT_PIECES - first < PART ? GBT_PIECES - first : PART;
+        const int left = (budget - spent) / pieces, most = settings->iterations < left ? settings->iterations : left;
+        spent += pieces * solve_part(settings, start, parameters, first, pieces, ROUGHER, mu, mu_last, most, u, work);
+        mu = mu_last;
+        end = first + pieces;
+    }
+    result->iterations += of_whole(spent);
 }
 
 /* Within the bounds of the inputs alone, where that does; by the interior-point method from the same guess where other
    limits count, or where nothing else led anywhere. */
-static gbt_status answer(const gbt_settings *settings, gbt_real mu, const gbt_real *start, const gbt_real *parameters,
-                         gbt_workspace *work, gbt_result *result)
+static gbt_status answer(const gbt_settings *settings, gbt_real mu, gbt_real reach, const gbt_real *start,
+                         const gbt_real *parameters, gbt_workspace *work, gbt_result *result)
 {
+    load(start, parameters, 0, GBT_PIECES, work->guess, work);
 #if GBT_WITHIN_BOX
     const int left = settings->deadline - result->iterations, last = result->starts + 1 == STARTS;
     const int most = settings->iterations < left && !last ? settings->iterations : left;
@@ -93,11 +131,8 @@ static gbt_status answer(const gbt_settings *settings, gbt_real mu, const gbt_re
         return status;
     }
     load(start, parameters, 0, GBT_PIECES, work->guess, work);
-#else
-    (void)start;
-    (void)parameters;
 #endif
-    return gbt_minimise_within_limits(settings, mu, settings->deadline, work, result);
+    return gbt_minimise_within_limits(settings, mu, reach, settings->deadline, work, result);
 }
 
 /* Where the next start begins; the last one within bounds goes on from the cheapest before it, u. */
@@ -112,6 +147,7 @@ static void begin_again(const gbt_real *start, int starts, const gbt_real *u, gb
 gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,
                      const gbt_real *tightening, int warm, gbt_real *u, gbt_workspace *work, gbt_result *result)
 {
+    const int is_long = GBT_PIECES > SHORT, in_parts = is_long && !GBT_WITHIN_BOX;
     gbt_real cheapest = GBT_INFINITY;
     gbt_status status;
 
@@ -125,14 +161,19 @@ gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const 
 
     for (int q = 0; q < GBT_LIMITS; q++) work->tightening[q] = tightening[q];
     for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) work->guess[k] = u[k];
-    if (warm == GBT_WARM && GBT_PIECES > SHORT) solve_tail(settings, start, parameters, work->guess, work, result);
     result->status = GBT_NUMERICAL_FAILURE;
     do {
+        const int cold = warm == GBT_COLD_START || result->starts > 0, shifted = !cold && warm == GBT_WARM;
+        const gbt_real mu = cold ? settings->barrier * barrier_of_start[result->starts] : settings->warm_barrier;
         gbt_result found = *result;
-        load(start, parameters, 0, GBT_PIECES, work->guess, work);
-        const gbt_real mu =
-            warm && result->starts == 0 ? settings->warm_barrier : settings->barrier * barrier_of_start[result->starts];
-        status = answer(settings, mu, start, parameters, work, &found);
+        if (is_long && shifted) solve_tail(settings, start, parameters, work->guess, work, &found);
+        if (in_parts && cold) solve_in_parts(settings, start, parameters, 0, work->guess, work, &found);
+        status = answer(settings, mu, in_parts && shifted ? REACH : GBT_INFINITY, start, parameters, work, &found);
+        if (status == GBT_FAR) {
+            for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) work->guess[k] = u[k];
+            solve_in_parts(settings, start, parameters, 1, work->guess, work, &found);
+            status = answer(settings, mu, GBT_INFINITY, start, parameters, work, &found);
+        }
         result->iterations = found.iterations;
         result->starts++;
 

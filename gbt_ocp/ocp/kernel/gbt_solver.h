@@ -49,7 +49,8 @@ typedef enum {
     GBT_NOT_FINITE = 3,        /* an input is NaN or infinite; nothing was done */
     GBT_NUMERICAL_FAILURE = 4, /* no usable iterate */
     GBT_BROKEN_BETWEEN_NODES = 5, /* of a plan: solved, but its first piece breaks a thrust limit between the nodes */
-    GBT_GIVEN_UP = 6           /* solved; thrust is kept, and other limits had to give: the plan of least violation */
+    GBT_GIVEN_UP = 6,          /* solved; thrust is kept, and other limits had to give: the plan of least violation */
+    GBT_FAR = 7                /* inside the solver only: the guess is too far from a solution */
 } gbt_status;
 
 typedef struct {
