@@ -3,9 +3,10 @@
     python benchmarks/sea_water.py current vehicles setpoints --seeds 20 --duration 120 --out runs/sea_water
 
 ``current``: an unknown current of 0.5 m/s in a direction that the seed draws, beside still water. ``vehicles``: each
-vehicle beside the Falcon after a boat of the same speed, in the plane and in space. ``setpoints``: an autopilot with a
-lag of 1 s beside thrust. The runs are written to a file in the folder, one line of JSON each, and are not repeated.
-Errors are in per cent of the range from 60 s on. ``--jobs`` runs at a time; nothing here is timed.
+vehicle beside the Falcon after a boat of the same speed, in the plane and in space, and beside one that is no faster.
+``setpoints``: an autopilot with a lag of 1 s beside thrust. The runs are written to a file in the folder, one line of
+JSON each, and are not repeated. Errors are in per cent of the range from 60 s on. ``--jobs`` runs at a time; nothing
+here is timed.
 """
 
 from __future__ import annotations
@@ -40,10 +41,16 @@ HALF = {"target.speed": 0.5, "desired_bearing.target_speed": 0.5, "limits.range.
 """The boat of the shipped torpedoes."""
 
 CAPPED = {"limits.speed": 0.7}
+AS_TORPEDO = {**HALF, "limits.speed": 1.95}
+AS_VESSEL = {"limits.speed": 3.0}
+"""The most that a Falcon may do so that it is no faster than another vehicle: it shows what is the speed's part."""
 
 ROV = {"vehicle.parameters": "bluerov2_heavy", **CAPPED}
 
 AUTOPILOT = {"command": "setpoint", "plant.autopilot_s": 1.0}
+
+
+NO_FASTER = ", beside a Falcon no faster"
 
 
 class Pair(NamedTuple):
@@ -61,11 +68,15 @@ PAIRS = {
     "current": [Pair("sea2d, unknown current", "sea2d", {"vehicle.follow": "feedback"}, {}, 1.1, True)],
     "vehicles": [
         Pair("sea2d, BlueROV2", "sea2d", {**ROV, **SLOW}, SLOW, 1.3),
-        Pair("sea2d, BlueROV2, beside a Falcon no faster", "sea2d", {**ROV, **SLOW}, {**SLOW, **CAPPED}, 1.3),
+        Pair("sea2d, BlueROV2" + NO_FASTER, "sea2d", {**ROV, **SLOW}, {**SLOW, **CAPPED}, 1.3),
         Pair("sea2d, torpedo", "sea2d", {"vehicle.model": "torpedo2d", **HALF}, HALF, 1.3),
+        Pair("sea2d, torpedo" + NO_FASTER, "sea2d", {"vehicle.model": "torpedo2d", **HALF}, AS_TORPEDO, 1.3),
         Pair("sea2d, vessel", "sea2d", {"vehicle.model": "vessel"}, {}, 1.3),
+        Pair("sea2d, vessel" + NO_FASTER, "sea2d", {"vehicle.model": "vessel"}, AS_VESSEL, 1.3),
         Pair("sea3d, BlueROV2", "sea3d", {**ROV, **SLOW}, SLOW, 1.3),
+        Pair("sea3d, BlueROV2" + NO_FASTER, "sea3d", {**ROV, **SLOW}, {**SLOW, **CAPPED}, 1.3),
         Pair("sea3d, torpedo", "sea3d", {"vehicle.model": "torpedo3d", **HALF}, HALF, 1.3),
+        Pair("sea3d, torpedo" + NO_FASTER, "sea3d", {"vehicle.model": "torpedo3d", **HALF}, AS_TORPEDO, 1.3),
     ],
     "setpoints": [
         Pair("sea2d, Falcon, autopilot", "sea2d", AUTOPILOT, {}, 1.5),

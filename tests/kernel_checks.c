@@ -181,7 +181,7 @@ double check_hessian(int seed, const double *parameters)
         dx[a] = 1;
         spread(dx);
         gbt_push_forward(&work);
-        for (int k = 0; k < GBT_COUNT; k++) dys[a][k] = work.dy[k];
+        for (int k = 0; k < GBT_COUNT; k++) dys[a][k] = work.step_of.dy[k];
     }
     for (int a = 0; a < N; a++) {
         const double step = 1e-5 * gbt_input_scale[a % GBT_FREE], at = x[a];

@@ -1,5 +1,6 @@
 import json
 import pickle
+import re
 from pathlib import Path
 
 import numpy as np
@@ -275,3 +276,35 @@ def test_legs_of_a_slow_vehicle_are_as_long_as_those_of_a_fast_one() -> None:
         12.0,
     )
     assert at_once.guidance.startup_speed == 3.0, "it does not cross"
+
+
+@pytest.mark.parametrize(
+    ("idle", "beside", "words"),
+    [
+        ("planner.degree=3", "planner.form=shooting", "planner.form: flat"),
+        ("planner.continuity=1", "planner.form=shooting", "planner.form: flat"),
+        ("planner.thrust=linear", None, "planner.form: shooting"),
+        ("planner.steps=2", None, "planner.form: shooting"),
+        ("planner.kappa=2", "planner.objective=fisher_trace", "planner.objective: similarity"),
+        ("planner.stages=3", None, "planner.objective: motion_logdet or motion_trace"),
+        ("planner.weight=3", "planner.formulation=hard", "planner.formulation: penalty"),
+        ("guidance={kind: planner, startup_speed: 2}", None, "guidance.startup_deviation above 0"),
+        ("limits.weight=5", None, "one of the limits"),
+        ("limits.separation_m=5", None, "vehicles"),
+        ("link.loss=0.5", None, "vehicles"),
+        ("plant.current_time_s=30", None, "plant.current_std above 0"),
+    ],
+)
+def test_a_key_that_something_else_leaves_without_effect_is_refused(idle, beside, words):
+    changes = [idle] if beside is None else [idle, beside]
+    with pytest.raises(ConfigurationError, match=rf": found .*; allowed: only with {re.escape(words)}.*without effect"):
+        load_config("case2", changes)
+
+
+def test_what_a_problem_or_a_default_says_is_no_key_without_effect():
+    load_config("sea2d", ["guidance.startup_deviation=0"])  # which has a startup_speed of its own
+    load_config("case2", ["planner.form=shooting", "planner.degree=2"])
+    load_config("case2", ["limits.speed=2", "limits.weight=3", "planner.weight=3"])
+    for name in ("torpedo2d", "sea2d_two"):
+        loaded = load_config(name)
+        assert load_config(loaded.to_mapping()) == loaded

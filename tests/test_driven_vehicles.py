@@ -14,7 +14,7 @@ from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.config.vehicle import DRIVEN_BY_NAME, DRIVEN_DIMENSIONS, DRIVEN_INPUTS
 from gbt_ocp.experiments.config.vehicle_faults import LAWS_OF_DRIVEN
 from gbt_ocp.guidance.current import CurrentObserver
-from gbt_ocp.guidance.helm import Helm, SteeringLimits
+from gbt_ocp.guidance.helm import Helm, SteeringLimits, turning_away
 from gbt_ocp.guidance.objectives import RangePull
 from gbt_ocp.guidance.steering_limits import LeastSpeed, LeastTurnRadius, PitchLimit
 from gbt_ocp.models import KNOWN_DRIVEN
@@ -255,6 +255,24 @@ def test_the_name_of_a_vehicle_brings_its_limits_along():
     assert "pitch" in load_config("torpedo3d").limits.hard
     assert load_config("sea2d", overrides=["vehicle.model=falcon"]).vehicle.parameters == "falcon"
     assert load_config(configuration.to_mapping()) == configuration
+
+
+def test_a_half_turn_leads_away_from_the_target():
+    known, vehicle, period = KNOWN_DRIVEN["torpedo2d"], KNOWN_DRIVEN["torpedo2d"].make(), 0.1
+    target, wanted = np.array([0.0, 40.0]), np.array([-1.9, 0.0])
+    for yaw in (0.0, 0.3, -0.3):  # across the line of sight, the other way than it is to go
+        helm = Helm(vehicle, period, SteeringLimits(known.speed_min, known.turn_radius, known.rate_max))
+        state, nearest = np.array([0.0, 0.0, yaw, known.cruise, 0.0, 0.0]), math.inf
+        for _ in range(200):
+            z, dz = vehicle.flat(state)
+            course = turning_away(wanted, z[2], target - z[:2])
+            state = moved(vehicle, state, helm.reach_velocity(np.vstack([z, dz]), course), period)
+            nearest = min(nearest, np.linalg.norm(target - z[:2]))
+        assert nearest > 38.0, "a turn through the target's side ends at 31 m"
+        assert abs(math.remainder(state[2] - math.pi, 2.0 * math.pi)) < 0.2
+    np.testing.assert_array_equal(turning_away(wanted, 2.0, target), wanted)
+    given = turning_away(np.array([-1.0, 0.0, 0.2]), 0.0, np.array([0.0, 5.0, 3.0]))
+    np.testing.assert_allclose(given, [0.0, -1.0, 0.2])
 
 
 @pytest.mark.parametrize(

@@ -141,7 +141,8 @@ class _C:
 
         class Startup(ctypes.Structure):
             _fields_ = [
-                ("axis", real * 3), *((name, real) for name in ("deviation", "across", "opening", "leg", "period")),
+                ("axis", real * 3),
+                *((name, real) for name in ("deviation", "speed", "opening", "leg", "nearest", "period")),
                 ("known", whole), ("crossing", whole), ("began", real),
             ]  # fmt: skip
 
@@ -152,7 +153,7 @@ class _C:
         self.library.gbt_follow.argtypes = [numbers, real, real, numbers, numbers, numbers]
         self.library.gbt_follow_setpoint.argtypes = [numbers, real, numbers, numbers]
         self.setpoint = Setpoint()
-        self.library.gbt_startup_init.argtypes = [numbers, numbers, *[real] * 5]
+        self.library.gbt_startup_init.argtypes = [numbers, numbers, *[real] * 6]
         self.library.gbt_startup_step.argtypes = [numbers, real, *[numbers] * 5]
         self.follower, self.result, self.startup = Follower(), Result(), Startup()
         self.dimension, self.inputs = d, m
@@ -284,8 +285,8 @@ def test_the_first_moves_in_c_are_the_same_as_in_python(compiled):
     vehicle, d, rng = compiled.problem.vehicle, compiled.dimension, np.random.default_rng(3)
     n, period, seen = vehicle.flat_dimension, 0.1, []
     axis = np.array([0.3, -0.2, 1.0])
-    compiled.start(axis, 0.25, 2.0, 0.7, 1.3, period)
-    crossing = Crossing(axis / np.linalg.norm(axis), 0.25, math.sqrt(2.0**2 - 0.7**2), 0.7, 1.3)
+    compiled.start(axis, 0.2, 2.0, 0.7, 1.3, 9.0, period)
+    crossing = Crossing(axis / np.linalg.norm(axis), 0.2, 2.0, 0.7, 1.3, 9.0)
     dynamics = InverseDynamics(vehicle, period)
     spread = 20.0
     for k in range(600):

@@ -13,7 +13,7 @@ from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.recorded_steps import recorded_steps
 from gbt_ocp.guidance.pacing import circling_speed, horizontal_radius, turn_period
-from gbt_ocp.guidance.startup import CrossFirst
+from gbt_ocp.guidance.startup import CrossFirst, Crossing
 from gbt_ocp.guidance.target_limits import RangeLimits
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
@@ -291,6 +291,21 @@ def test_crossing_begins_again_when_the_range_is_lost():
     assert answers[0][0] < 0.0
     with pytest.raises(ValueError, match=r"guidance.startup_opening: found 3.0; allowed: a number < startup_speed"):
         CrossFirst(planned, FALCON, 0.1, deviation=0.25, speed=3.0, opening=3.0, leg=8.0)
+
+
+def test_crossing_leads_away_from_a_target_that_is_believed_too_near():
+    crossing = Crossing(np.array([0.0, 0.0, 1.0]), 0.05, 3.0, 0.2, 8.0, nearest=30.0)
+
+    def away(distance, spread):
+        velocity = crossing.step(0.0, np.zeros(2), np.array([distance, 0.0]), np.diag([spread**2, 400.0]))
+        assert np.linalg.norm(velocity) == pytest.approx(3.0), "all of the speed is used"
+        return -velocity[0]
+
+    assert away(50.0, 30.0) == 0.2, "a range that is not known says nothing"
+    assert away(50.0, 5.0) == 0.2, "far enough"
+    assert away(36.0, 5.0) == pytest.approx(0.4), "4 m within 10 s"
+    assert away(31.0, 4.0) == pytest.approx(0.7)
+    assert away(10.0, 2.0) == pytest.approx(2.4), "never without a part across"
 
 
 def test_a_turn_that_reverses_is_flown_and_recorded_for_the_generated_code():

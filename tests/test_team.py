@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gbt_ocp.guidance.information import FisherInformation
-from gbt_ocp.guidance.others import KeepApart, OtherVehicles, SaidPath
+from gbt_ocp.guidance.others import OtherVehicles, SaidPath
 from gbt_ocp.guidance.path_information import MotionInformation
 from gbt_ocp.models.bearings import unit_bearing
 from gbt_ocp.models.measurements import Sighting
@@ -22,6 +22,8 @@ from gbt_ocp.tracking.bins import BearingBins
 from gbt_ocp.tracking.noise import BearingNoise
 from gbt_ocp.tracking.protocol import Forecast, JointForecast
 from gbt_ocp.tracking.shape.tracker import MotionShapeTracker
+
+EAST = np.array([[1.0, 0.0]])
 
 
 @pytest.fixture
@@ -110,7 +112,7 @@ def exchange(number=0, size=64, period=10.0, average=2.0, others=None):
         period=period,
         average=average,
         bearing_std=0.02,
-        others=OtherVehicles(2, 1) if others is None else others,
+        others=OtherVehicles(EAST) if others is None else others,
     )
 
 
@@ -157,7 +159,7 @@ def test_what_a_lost_packet_had_comes_with_the_next_one(rng):
 
 
 def test_a_vehicle_hears_where_the_other_will_be_and_refuses_its_own_voice():
-    others = OtherVehicles(2, 1)
+    others = OtherVehicles(EAST)
     listener, speaker = exchange(0, others=others), exchange(1)
     flat = np.array([[5.0, 6.0, 0.0], [1.0, -2.0, 0.0]])
     assert np.isnan(others.places(0.0, [1.0])).all()
@@ -255,22 +257,6 @@ def test_late_bearings_count_as_if_they_had_been_in_time(rng, shared):
     first, second = (one.predict([6.0, 10.0]) for one in trackers)
     assert np.array_equal(first.mean, second.mean)
     assert np.array_equal(first.covariance, second.covariance)
-
-
-def test_vehicles_keep_apart_from_where_the_others_will_be(rng):
-    limit = KeepApart(2, 10.0, 2)
-    places = rng.normal(0.0, 30.0, (2, 4, 2))
-    places[1, 2] = np.nan
-    present = Forecast(np.array([1.0, 2.0]), np.eye(2))
-    bound = limit.bind(3, {"others": places, "present": present})["places"]
-    z = np.array([3.0, 4.0, 0.1])
-    values = np.array([limit.value(FlatPoint(z, z, z), {"places": ca.DM(one)}) for one in bound]).reshape(4, 2)
-    distances = np.linalg.norm(places - z[:2], axis=2).T / 10.0
-    heard = np.isfinite(distances)
-    assert values[heard] == pytest.approx(distances[heard])
-    assert np.all(values[~heard] > 100.0)
-    with pytest.raises(ValueError, match="distance: found 0"):
-        KeepApart(2, 0.0)
 
 
 def sums_at(objective, data, own):

@@ -30,6 +30,9 @@ BEGINNING = 0.3
 STEEPEST = math.radians(25.0)
 """Largest pitch in rad that a change of depth asks for."""
 
+AWAY = 0.5
+"""Cosine of the angle from the course away from the target at which a turn goes on by that side by itself."""
+
 SPEED_GAIN = 0.5
 """Share of the push for a m/s that is missing."""
 
@@ -115,6 +118,28 @@ class Helm:
             inputs = np.clip(inputs, before - self._step, before + self._step)
         self._last = inputs
         return inputs
+
+
+def turning_away(velocity: Array, yaw: float, line: Array) -> Array:
+    """The velocity to steer for first, so that a wide turn does not lead towards the target.
+
+    Where the course is more than a right angle off the heading, that is the course away from the target until the
+    vehicle has turned to that side: one that turns in a circle would else come nearer by its diameter, by chance.
+
+    Parameters
+    ----------
+    velocity
+        To be reached ``(d,)`` in m/s.
+    yaw
+        In radians.
+    line
+        From the vehicle to the target ``(d,)`` in m.
+    """
+    distance, c, s = math.hypot(line[0], line[1]), math.cos(yaw), math.sin(yaw)
+    if c * velocity[0] + s * velocity[1] >= 0.0 or -c * line[0] - s * line[1] >= AWAY * distance:
+        return velocity
+    share = -math.hypot(velocity[0], velocity[1]) / distance
+    return np.array([share * line[0], share * line[1], *velocity[2:]])
 
 
 def helm_of(

@@ -1,4 +1,4 @@
-"""Other vehicles that watch the same target: where they will be, what they will see from there, and room for them.
+"""Other vehicles that watch the same target: where they will be, and what they will see from there.
 
 All that is known of another vehicle is what it said last: a few places on its last plan. Beyond the end of that plan it
 is taken to move on as it does in the mean over the plan, which for a vehicle that goes round a target is the target's
@@ -10,21 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gbt_ocp.guidance.apart import Apart
 from gbt_ocp.guidance.current import Current
-from gbt_ocp.guidance.objectives import NEAR
-from gbt_ocp.models.sizes import at_least, positive
-from gbt_ocp.ocp.terms import needed
-from gbt_ocp.ocp.trajectory import FlatPoint
 from gbt_ocp.typing import Array
-
-UNHEARD = 100.0
-"""Where a vehicle stands in a plan that has said nothing yet, in units of the distance to keep."""
 
 
 @dataclass(frozen=True)
@@ -64,27 +57,23 @@ class OtherVehicles:
 
     Parameters
     ----------
-    dimension
-        d.
-    count
-        How many others there are.
+    sides
+        Directions from the target to the own side of what lies between this vehicle and each of them, unit vectors
+        ``(M, d)``; see :func:`~gbt_ocp.guidance.apart.sides_of`.
+    speed
+        Largest speed of any of them through the water in m/s; ``None`` where none is known.
     current
         What is known of the current, for plans in the frame of the water.
 
     Attributes
     ----------
-    count, current
+    sides, speed, current
         As given.
-
-    Raises
-    ------
-    ValueError
-        If there is none.
     """
 
-    def __init__(self, dimension: int, count: int, current: Current | None = None) -> None:
-        self.count = at_least("count", count, 1)
-        self._dimension = dimension
+    def __init__(self, sides: Array, speed: float | None = None, current: Current | None = None) -> None:
+        self.sides = sides
+        self.speed = speed
         self.current = current
         self._paths: dict[int, SaidPath] = {}
 
@@ -96,12 +85,29 @@ class OtherVehicles:
     def places(self, now: float, times: ArrayLike) -> Array:
         """Where they will be ``(M, K, d)``, in the frame that moves with the water since ``now``; NaN if unheard."""
         t = np.asarray(times, dtype=float)
-        found = np.full((self.count, len(t), self._dimension), np.nan)
+        count, dimension = self.sides.shape
+        found = np.full((count, len(t), dimension), np.nan)
         for number, path in self._paths.items():
             found[number] = path.at(t)
         if self.current is not None:
             found -= (t - now)[:, None] * self.current.velocity
         return found
+
+    def apart(self, now: float, times: ArrayLike) -> Apart:
+        """What plans keep apart from: the sides, and the balls in which the others are at the times ``(K,)``.
+
+        Each can be as far from where it was when it was heard last as its speed has taken it since. The centres are in
+        the frame that moves with the water since ``now``.
+        """
+        t = np.asarray(times, dtype=float)
+        centres, radii = np.full(self.sides.shape, np.nan), np.full((len(self.sides), len(t)), np.inf)
+        for number, path in self._paths.items():
+            centres[number] = path.places[0]
+            if self.current is not None:
+                centres[number] -= (path.time - now) * self.current.velocity
+            if self.speed is not None:
+                radii[number] = self.speed * np.maximum(t - path.time, 0.0)
+        return Apart(self.sides, centres, radii)
 
 
 def lines_of_others(data: Mapping[str, Any], mean: Array) -> Iterator[tuple[int, Array]]:
@@ -118,72 +124,3 @@ def lines_of_others(data: Mapping[str, Any], mean: Array) -> Iterator[tuple[int,
         for number, (there, place) in enumerate(zip(mean, places[1:], strict=False)):
             if np.all(np.isfinite(place)):
                 yield number, there - place
-
-
-@dataclass(frozen=True)
-class KeepApart:
-    """Keep a distance from where other vehicles will be.
-
-    Needs ``others``, places at the knots ``(M, p+1, d)`` in metres, NaN for a vehicle that has said nothing.
-
-    Parameters
-    ----------
-    dimension
-        d.
-    distance
-        In metres; violations are reported in units of it.
-    count
-        M, how many others there are.
-
-    Raises
-    ------
-    ValueError
-        If the distance is not above 0, or there is none.
-    """
-
-    name: ClassVar[str] = "separation"
-
-    dimension: int
-    distance: float
-    count: int = 1
-
-    def __post_init__(self) -> None:
-        positive("distance", self.distance)
-        at_least("count", self.count, 1)
-
-    @property
-    def lower(self) -> Array:
-        """One for each."""
-        return np.ones(self.count)
-
-    @property
-    def upper(self) -> Array:
-        """None."""
-        return np.full(self.count, np.inf)
-
-    @property
-    def backoff(self) -> Array:
-        """None."""
-        return np.zeros(self.count)
-
-    @property
-    def scale(self) -> Array:
-        """Units of the distance."""
-        return np.ones(self.count)
-
-    @property
-    def shapes(self) -> Mapping[str, tuple[int, int]]:
-        """Places of the others, one a column."""
-        return {"places": (self.dimension, self.count)}
-
-    def value(self, point: FlatPoint, parameters: Mapping[str, Any]) -> Any:
-        """Distances over the one to keep."""
-        own = point.z[: self.dimension]
-        lines = [place - own for place in ca.horzsplit(parameters["places"])]
-        return ca.vertcat(*(ca.sqrt(ca.sumsqr(line) + NEAR**2) / self.distance for line in lines))
-
-    def bind(self, pieces: int, data: Mapping[str, Any]) -> dict[str, Array]:
-        """Places at the knots ``(p+1, d, M)``; who has said nothing is far away."""
-        places = np.asarray(needed(data, "others", self), dtype=float)[:, : pieces + 1]
-        away = np.asarray(needed(data, "present", self).mean) + UNHEARD * self.distance
-        return {"places": np.moveaxis(np.where(np.isfinite(places), places, away), 0, -1)}

@@ -55,7 +55,8 @@ class PlannedMotion:
     path
         What the tracker believes at a time of the positions at later times together, for an objective that needs it.
     others
-        Other vehicles with the same target, whose bearings an information objective counts.
+        Other vehicles with the same target, whose bearings an information objective counts, and from which a limit
+        keeps apart.
 
     Raises
     ------
@@ -152,7 +153,8 @@ class PlannedMotion:
         if self._past is not None:
             data["past"] = self._past.information
         if self._others is not None:
-            data["others"] = self._others.places(time, np.concatenate([[time], self._ends(time)]))
+            knots = np.concatenate([[time], self._ends(time)])
+            data["others"], data["apart"] = self._others.places(time, knots), self._others.apart(time, knots)
         return data
 
     def _ends(self, time: float) -> Array:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gbt_ocp.guidance.helm import SteeringLimits, helm_of
+from gbt_ocp.guidance.apart import OwnSide
+from gbt_ocp.guidance.helm import Helm, SteeringLimits, helm_of, turning_away
 from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.strategy import Guidance
@@ -25,6 +26,18 @@ from gbt_ocp.typing import Array
 
 CROSS_AGAIN = 1.6
 """Factor on the deviation at which a vehicle that planned already crosses again."""
+
+OBSERVED = 0.25
+"""Deviation of the range over it below which what is believed of the range is more than its prior."""
+
+SPREADS = 2.0
+"""Deviations by which a believed range has to be above the nearest one, for all of the speed to go across."""
+
+CLEARED = 10.0
+"""Time in seconds within which a vehicle that is nearer than that goes to be clear."""
+
+CLEARING = 0.8
+"""Most of the speed that leads away from the target; the rest is across the line of sight, for the range's sake."""
 
 STRAIGHT = 1e-9
 """Size of the cross product of axis and line of sight below which they count as parallel."""
@@ -43,10 +56,12 @@ class Crossing:
         Of the turn of the desired bearing, a unit vector ``(3,)``; not read in the plane.
     deviation
         Posterior deviation of the range over the range below which it counts as known.
-    across, opening
-        Speeds across the line of sight and away from the target, m/s.
+    speed, opening
+        Speed, and the part of it that leads away from the target, m/s.
     leg
         Time in seconds after which the vehicle crosses the other way.
+    nearest
+        Distance in metres to be kept, as far as the range is known; 0 for none.
     known
         Whether the range was known at the last step.
     crossing
@@ -57,9 +72,10 @@ class Crossing:
 
     axis: Array
     deviation: float
-    across: float
+    speed: float
     opening: float
     leg: float
+    nearest: float = 0.0
     known: bool = False
     crossing: bool = False
     began: float = 0.0
@@ -87,11 +103,28 @@ class Crossing:
             return None
         if not self.crossing:
             self.crossing, self.began = True, time
-        sense = 1.0 if int((time - self.began) / self.leg + 1e-9) % 2 == 0 else -1.0
+        sense = 1.0 if self._legs(time) % 2 == 0 else -1.0
         turn = np.array([-sight[1], sight[0]]) if d == 2 else np.cross(self.axis, sight)
         size = float(np.linalg.norm(turn))
         turn = turn / size if size > STRAIGHT else np.eye(d)[0]
-        return np.asarray(-sense * self.across * turn - self.opening * sight)
+        opening = self._opening(distance, spread)
+        across = float(np.sqrt(self.speed**2 - opening**2))
+        return np.asarray(-sense * across * turn - opening * sight)
+
+    def _opening(self, distance: float, spread: float) -> float:
+        """The speed away from a target believed at a distance of this deviation: more where that may be too near."""
+        if self.nearest == 0.0 or spread >= OBSERVED * distance:
+            return self.opening
+        missing = self.nearest + SPREADS * spread - distance
+        return max(self.opening, min(missing / CLEARED, CLEARING * self.speed))
+
+    def turn_back(self, time: float) -> None:
+        """Begin a leg the other way, at a time in seconds."""
+        self.began = time - self.leg * (self._legs(time) + 1)
+
+    def _legs(self, time: float) -> int:
+        """How many legs are through."""
+        return int((time - self.began) / self.leg + 1e-9)
 
 
 class CrossFirst:
@@ -121,8 +154,12 @@ class CrossFirst:
         Part of the speed that leads away from the target, in m/s.
     leg
         Time in seconds after which the vehicle crosses the other way.
+    nearest
+        Distance in metres to be kept, as far as the range is known; 0 for none.
     limits
         Those of the steering of a vehicle that is not flat.
+    side
+        The own side of the target, beside other vehicles: a leg that leads off it ends.
 
     Raises
     ------
@@ -141,7 +178,9 @@ class CrossFirst:
         speed: float,
         opening: float,
         leg: float,
+        nearest: float = 0.0,
         limits: SteeringLimits | None = None,
+        side: OwnSide | None = None,
     ) -> None:
         positive("deviation", deviation)
         positive("speed", speed)
@@ -153,7 +192,8 @@ class CrossFirst:
         self.helm = helm_of(vehicle, period, limits)
         unit = vector("axis", axis, 3)
         unit /= positive("length of axis", float(np.linalg.norm(unit)))
-        self._crossing = Crossing(unit, deviation, float(np.sqrt(speed**2 - opening**2)), opening, leg)
+        self._side = side
+        self._crossing = Crossing(unit, deviation, self.speed, opening, leg, not_negative("nearest", nearest))
 
     @property
     def crossing(self) -> Crossing:
@@ -173,12 +213,18 @@ class CrossFirst:
         """The thrust that crosses, or the plan."""
         known = self._crossing.known
         own = flat[0, : forecast.mean.shape[1]]
-        velocity = self._crossing.step(time, own, forecast.mean[0], forecast.covariance[0])
+        begins, mean, covariance = not self._crossing.crossing, forecast.mean[0], forecast.covariance[0]
+        velocity = self._crossing.step(time, own, mean, covariance)
+        if velocity is not None and self._side is not None and self._side.asks_back(own, velocity, mean, begins):
+            self._crossing.turn_back(time)
+            velocity = self._crossing.step(time, own, mean, covariance)
         if velocity is None:
             if not known:
                 self.planned.restart()
             return self.planned.decide(time, flat, forecast)
         self.planned.remember(time, flat, forecast)
+        if isinstance(self.helm, Helm):
+            velocity = turning_away(velocity, flat[0, len(own)], forecast.mean[0] - own)
         thrust = self.helm.reach_velocity(flat, velocity)
         planner = planner_of(self.planned)
         if isinstance(planner, AnyPlanner):

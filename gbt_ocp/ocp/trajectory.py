@@ -12,7 +12,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import accumulate, repeat
 from math import factorial
+from operator import mul, sub
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -248,7 +250,7 @@ class FlatTrajectory:
         (piece, begin), (last, end) = self._powers(since), self._powers(until)
         if piece != last:
             return self._values(until) - self._values(since)
-        values: Array = np.dot([b - a for a, b in zip(begin, end, strict=True)], self._derivatives(piece))
+        values: Array = np.dot(list(map(sub, end, begin)), self._derivatives(piece))
         return values
 
     def _values(self, time: float) -> Array:
@@ -260,11 +262,7 @@ class FlatTrajectory:
     def _powers(self, time: float) -> tuple[int, list[float]]:
         """The piece of a time, and the powers 1, s, …, s^L of the time s since that piece began."""
         piece = min(max(int((time / self.period + 1e-9) // 1.0), 0), len(self.top) - 1)
-        s, power, powers = time - piece * self.period, 1.0, []
-        for _ in range(self.degree + 1):
-            powers.append(power)
-            power *= s
-        return piece, powers
+        return piece, list(accumulate(repeat(time - piece * self.period, self.degree), mul, initial=1.0))
 
     def _derivatives(self, piece: int) -> Array:
         """What :meth:`_derivatives_of` gives, kept."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Mapping
 from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -137,7 +138,8 @@ class CompiledHeldTurnTracker(HeldTurnTracker):
 class CompiledMixtureTracker(MixtureTracker):
     """:class:`~gbt_ocp.tracking.mixture.MixtureTracker` whose numbers are those of the C of a pilot.
 
-    The library is compiled once and kept in the user's cache. The members say what it is made of; they see nothing.
+    The library is compiled once and kept in the user's cache. The members say what it is made of, they see nothing:
+    they are part of what stays as it was built.
 
     Parameters
     ----------
@@ -157,6 +159,7 @@ class CompiledMixtureTracker(MixtureTracker):
         super().__init__(dimension, members, noise, **keys)
         held = self.members["held_turn"]
         made = tracker_in_c(self)
+        self.members = MappingProxyType(self.members)
         assert isinstance(held, HeldTurnTracker), "it is refused otherwise"
         self._c = _InC(made, dimension, held.settings[4].start)
 

@@ -102,12 +102,12 @@ class TrackWatch:
         self._off: deque[bool] = deque(maxlen=LEAST_COUNT)
         self._times: list[float] = []
         self._forecast: Forecast | None = None
-        self.vague = self.range_known = False
+        self.vague = self.range_known = self._disagrees = False
 
     @property
     def lost(self) -> bool:
         """Whether the track is lost."""
-        return self.vague or (len(self._off) == LEAST_COUNT and 4 * sum(self._off) > LEAST_COUNT)
+        return self.vague or self._disagrees
 
     def forecast(self, times: Array, forecast: Forecast, own: Array) -> None:
         """Take note of a forecast at the times ``(K,)``, made at an own position ``(d,)``."""
@@ -131,6 +131,7 @@ class TrackWatch:
             angle = math.acos(min(max(across, -1.0), 1.0))
             std = self._std if math.isnan(sighting.std[0]) else max(float(sighting.std[0]), LEAST_ANGLE_STD)
             self._off.append(angle**2 > MANY_TIMES**2 * (spread + std**2))
+            self._disagrees = len(self._off) == LEAST_COUNT and 4 * sum(self._off) > LEAST_COUNT
 
 
 def _spreads(line: Array, covariance: Array) -> tuple[float, float]:

@@ -135,6 +135,7 @@ def _guidance(parts: PilotParts) -> tuple[dict[str, Any], dict[str, int]]:
         "startup_speed": 0.0 if crossing is None else crossing.speed,
         "startup_opening": 0.0 if crossing is None else crossing.crossing.opening,
         "startup_leg": 1.0 if crossing is None else crossing.crossing.leg,
+        "startup_nearest": 0.0 if crossing is None else crossing.crossing.nearest,
         "axis": np.array([0.0, 0.0, 1.0]) if crossing is None else crossing.crossing.axis,
     }
     return numbers, {"AHEAD": parts.forecast, "PERIODS": steps, "STRIDE": stride}
@@ -242,6 +243,7 @@ _SETTINGS = {
     "startup_speed": "m/s at which the line of sight is crossed",
     "startup_opening": "part of it that leads away, m/s",
     "startup_leg": "s after which it is crossed the other way",
+    "startup_nearest": "m to be kept from the target, as far as the range is known; 0: none",
     "axis": "about which it is crossed in space",
     "current": "of the water over ground, m/s; before anything is known where it is estimated",
     "current_std": "its deviation on each axis then, m/s",

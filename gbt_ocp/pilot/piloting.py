@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections import Counter, deque
+from collections import deque
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -69,7 +70,7 @@ class Piloting:
         self._known: dict[tuple[str, str, float], None] = {}
         self._waiting: list[Measurement] = []
         self._arrived: list[Sighting] = []
-        self._received: Counter[Received] = Counter()
+        self._received: Mapping[Received, int] = {}
         self._now = -math.inf
         self._last: PilotCommand | None = None
         self._decided: Decided | None = None
@@ -145,7 +146,8 @@ class Piloting:
 
     def _answered(self, word: Received) -> Received:
         if word != "taken":
-            self._received[word] += 1
+            # a new one, since those of earlier commands stay as they were
+            self._received = {**self._received, word: self._received.get(word, 0) + 1}
         return word
 
     # ---- commands ---------------------------------------------------------------------------------------------------
@@ -285,22 +287,27 @@ class Piloting:
         heard = -math.inf if self._intake is None else self._intake.latest
         age = math.inf if latest is None else max(0.0, time - latest.time)
         lost = self._watch.lost
-        found = (
-            ("no navigation", decided is None),
-            ("navigation old", math.inf > age > self.parts.navigation_gap),
-            ("no bearing", heard == -math.inf),
-            ("track lost", lost),
-            ("forecast held", decided is not None and decided.held),
-            ("fallback", said.get("fallback")),
-            ("given up", said.get("given_up")),
-        )
+        # asked for at every command, so that what holds is appended rather than chosen from a table
+        notes = ["no navigation"] if decided is None else []
+        if math.inf > age > self.parts.navigation_gap:
+            notes.append("navigation old")
+        if heard == -math.inf:
+            notes.append("no bearing")
+        if lost:
+            notes.append("track lost")
+        if decided is not None and decided.held:
+            notes.append("forecast held")
+        if said and said["fallback"]:
+            notes.append("fallback")
+        if said and said["given_up"]:
+            notes.append("given up")
         return PilotHealth(
-            notes=tuple([note for note, holds in found if holds]),
+            notes=tuple(notes),
             bearing_age=time - heard,
             navigation_age=age,
             track_lost=lost,
             waiting=len(self._waiting),
-            received=dict(self._received),
+            received=self._received,
             new_tracks=len(self._online.begun),
             **said,
         )

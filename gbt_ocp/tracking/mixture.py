@@ -127,7 +127,7 @@ class MixtureTracker(RestartingTracker):
         if not forgetting > 0.0:
             raise ValueError(f"forgetting: found {forgetting}; allowed: a number > 0")
         self.dimension = dimension
-        self.members = dict(members)
+        self.members: Mapping[str, Tracker] = dict(members)
         self._forgetting = forgetting
         self._noise = noise
         self._bins = BearingBins(bin_width, max(SCATTER_S, 2.0 * bin_width), gate * noise.std)

@@ -7,8 +7,8 @@ from typing import Any, TypeVar, cast
 
 from gbt_ocp.experiments.config.limits import LIMIT_KINDS, LimitsSection
 from gbt_ocp.experiments.config.planner import PlannerSection
+from gbt_ocp.guidance.apart import KeepApart
 from gbt_ocp.guidance.current import Current
-from gbt_ocp.guidance.others import KeepApart
 from gbt_ocp.guidance.water import OverGround
 from gbt_ocp.ocp import PathConstraint, ThrustChange, ThrustEffort
 from gbt_ocp.ocp.verbs import PosingVerbs
@@ -56,6 +56,9 @@ def with_limits(problem: Posed, section: LimitsSection, current: Current | None 
                 if others == 0:
                     continue
                 constraint = replace(constraint, count=others)
+                if section.range is not None:
+                    kept = {"nearest": section.range.nearest_m, "confidence": section.range.confidence}
+                    constraint = replace(constraint, **kept)
             if current is not None and getattr(constraint, "over_ground", False):
                 constraint = OverGround(cast(PathConstraint, constraint), current, problem.period)
             if name in section.hard:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, cast
@@ -29,6 +28,7 @@ from gbt_ocp.experiments.config.guidance import (
 )
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.config.vehicle import DrivenVehicleSection, FossenVehicleSection, VehicleParametersSection
+from gbt_ocp.guidance.apart import OwnSide
 from gbt_ocp.guidance.circumnavigation import Circumnavigation
 from gbt_ocp.guidance.current import Current, CurrentObserver, KnownCurrent
 from gbt_ocp.guidance.fim_placement import FimPlacement
@@ -216,7 +216,7 @@ def build_guidance(
         )
     current = build_current(configuration, vehicle)
     if others is not None:
-        others.current = current
+        others.current, others.speed = current, configuration.limits.speed
     planner = build_planner(configuration, vehicle, current)
     objective = planner.problem.objectives[0]
     planned = PlannedMotion(
@@ -232,11 +232,29 @@ def build_guidance(
         others=others,
     )
     planned.rehearse()
-    strategy = planned if section.startup_deviation == 0.0 else _crossing_first(configuration, planned, vehicle)
+    strategy: PlannedMotion | CrossFirst = planned
+    if section.startup_deviation > 0.0:
+        strategy = _crossing_first(configuration, planned, vehicle, _own_side(configuration, others))
     return strategy if current is None else InWater(strategy, current, configuration.forecast_period)
 
 
-def _crossing_first(configuration: Configuration, planned: PlannedMotion, vehicle: Vehicle) -> CrossFirst:
+def _nearest(configuration: Configuration) -> float:
+    """Distance in metres to be kept from the target, with what is added for what the belief does not know."""
+    limit = configuration.limits.range
+    return 0.0 if limit is None or limit.nearest_m is None else limit.nearest_m + limit.margin_m
+
+
+def _own_side(configuration: Configuration, others: OtherVehicles | None) -> OwnSide | None:
+    """The own side of a vehicle beside others, where they are to keep apart."""
+    distance, standoff = configuration.limits.separation_m, configuration.standoff
+    if others is None or distance is None:
+        return None
+    return OwnSide(others.sides, 0.0 if standoff is None else min(0.5 * distance / standoff, 1.0))
+
+
+def _crossing_first(
+    configuration: Configuration, planned: PlannedMotion, vehicle: Vehicle, side: OwnSide | None
+) -> CrossFirst:
     section = cast(PlannerGuidanceSection, configuration.guidance)
     return CrossFirst(
         planned,
@@ -247,11 +265,13 @@ def _crossing_first(configuration: Configuration, planned: PlannedMotion, vehicl
         speed=section.startup_speed,
         opening=section.startup_opening,
         leg=section.startup_leg_s,
+        nearest=_nearest(configuration),
         limits=SteeringLimits(
             slowest=configuration.limits.speed_min or 0.0,
             radius=configuration.limits.turn_radius_m or 0.0,
             rate=configuration.limits.input_rate,
         ),
+        side=side,
     )
 
 
@@ -267,18 +287,20 @@ def build_loop(configuration: Configuration) -> tuple[ClosedLoop, Array]:
         count = len(configuration.vehicles)
         raise ValueError(f"vehicles: found {count}; allowed: none here, several only with run, sweep and check")
     streams = Streams.of(configuration.seed)
-    return build_member(configuration, streams, build_target(configuration, streams.target))
+    target = build_target(configuration, streams.target)
+    start = build_start(configuration, build_vehicle(configuration), streams.start, target.position(0.0))
+    return build_member(configuration, streams, target, start), start
 
 
 def build_member(
     configuration: Configuration,
     streams: Streams,
     target: Target,
+    start: Array,
     exchange: Exchange | None = None,
     others: OtherVehicles | None = None,
-    taken: Sequence[Array] = (),
-) -> tuple[ClosedLoop, Array]:
-    """The closed loop of one vehicle, and where it starts ``(L, n)``.
+) -> ClosedLoop:
+    """The closed loop of one vehicle.
 
     Parameters
     ----------
@@ -288,20 +310,19 @@ def build_member(
         Of its random draws.
     target
         What it tracks.
+    start
+        Where it starts ``(L, n)``.
     exchange, others
         How it talks to other vehicles, and what it hears of them, if there are any.
-    taken
-        Where others start ``(d,)``.
     """
     vehicle = build_vehicle(configuration)
     desired = paced(configuration, build_desired_bearing(configuration, vehicle), vehicle)
-    start = build_start(configuration, vehicle, streams.start, target.position(0.0), taken)
     sensor = build_sensor(configuration)
     section = configuration.tracker
     if exchange is not None and getattr(section, "engine", "numpy") == "auto":
         section = section.model_copy(update={"engine": "numpy"})  # the C hears one vehicle alone
     tracker = build_tracker(section, start[0, : configuration.dimension], sensor)
-    loop = ClosedLoop(
+    return ClosedLoop(
         target=target,
         sensor=sensor,
         tracker=tracker,
@@ -323,4 +344,3 @@ def build_member(
         exchange=exchange,
         thrust_lag=getattr(configuration.vehicle, "thrust_lag_s", None),
     )
-    return loop, start

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
-from gbt_ocp.experiments.build.loop import build_loop, build_member
-from gbt_ocp.experiments.build.world import Streams, build_target
+from gbt_ocp.experiments.build.loop import build_loop, build_member, build_vehicle
+from gbt_ocp.experiments.build.world import Streams, build_start, build_target
 from gbt_ocp.experiments.config.schema import Configuration
 from gbt_ocp.experiments.config.team import TeamVehicleSection
+from gbt_ocp.guidance.apart import sides_of
 from gbt_ocp.guidance.others import OtherVehicles
 from gbt_ocp.models.known_vehicles import KNOWN_VEHICLES
 from gbt_ocp.pilot.teamwork import Exchange
@@ -57,22 +60,34 @@ def build_team(configuration: Configuration) -> tuple[list[TeamMember], Channel 
     if not configuration.vehicles:
         return [TeamMember("", configuration, *build_loop(configuration))], None
     target = build_target(configuration, Streams.of(configuration.seed).target)
-    names = tuple(one.name for one in configuration.vehicles)
+    names, d = tuple(one.name for one in configuration.vehicles), configuration.dimension
+    all_own = [of_member(configuration, section) for section in configuration.vehicles]
+    all_streams = [Streams.of(configuration.seed, number) for number in range(len(names))]
+    starts: list[Array] = []
+    for number, (own, streams) in enumerate(zip(all_own, all_streams, strict=True)):
+        with _naming(number):
+            taken = [start[0, :d] for start in starts]
+            starts.append(build_start(own, build_vehicle(own), streams.start, target.position(0.0), taken))
+    sides = sides_of([start[0, :d] for start in starts])
     members: list[TeamMember] = []
-    for number, section in enumerate(configuration.vehicles):
-        own = of_member(configuration, section)
-        others = OtherVehicles(own.dimension, len(names) - 1)
+    for number, (own, streams, start) in enumerate(zip(all_own, all_streams, starts, strict=True)):
+        others = OtherVehicles(sides[number])
         exchange = _exchange(own, number, names, others)
-        taken = [member.start[0, : own.dimension] for member in members]
-        streams = Streams.of(configuration.seed, number)
-        try:
-            loop, start = build_member(own, streams, target, exchange, others, taken)
-        except ValueError as fault:
-            raise ValueError(f"vehicles.{number}: {fault}") from fault
-        members.append(TeamMember(section.name, own, loop, start))
+        with _naming(number):
+            loop = build_member(own, streams, target, start, exchange, others)
+        members.append(TeamMember(names[number], own, loop, start))
     link = configuration.link
     rng = np.random.default_rng(np.random.SeedSequence(configuration.seed, spawn_key=(len(names), 1)))
     return members, Channel(link.period_s, link.loss, link.latency_s, rng)
+
+
+@contextmanager
+def _naming(number: int) -> Iterator[None]:
+    """Say of a fault which of the vehicles has it."""
+    try:
+        yield
+    except ValueError as fault:
+        raise ValueError(f"vehicles.{number}: {fault}") from fault
 
 
 def of_member(configuration: Configuration, section: TeamVehicleSection) -> Configuration:

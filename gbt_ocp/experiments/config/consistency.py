@@ -141,32 +141,6 @@ def _noise(merged: Mapping[str, Any]) -> Iterator[Fault]:
     yield from _bins(merged, path, NoisyBearingsSection, 2)
 
 
-def without_effect(merged: Mapping[str, Any], beneath: Mapping[str, Any]) -> Iterator[Fault]:
-    """Keys of the tracker for exact bearings that are written where the one for noisy bearings takes its place.
-
-    Parameters
-    ----------
-    merged
-        All layers of the configuration.
-    beneath
-        The layers below what is written. What they say is no fault, nor is writing it out again.
-    """
-    kind, noise = TRACKERS.get(str(value_at(merged, ("tracker", "kind")))), value_at(merged, ("tracker", "noise"))
-    if kind is None or not issubclass(kind.section, GaussianProcessSection):
-        return
-    by_sensor = noise in (NOTHING, "sensor") and _as_number(bearing_noise(merged))
-    if not (isinstance(noise, Mapping) or by_sensor):
-        return
-    for name in ("kernel", "centre", "amplitude", "length_scale", "nugget", "bound_delta"):
-        path, default = ("tracker", name), GaussianProcessSection.model_fields[name].default
-        value, below = (value_at(layer, path) for layer in (merged, beneath))
-        if value not in (NOTHING, default, below):
-            why = "tracker.noise has keys of its own" if isinstance(noise, Mapping) else "sensor.noise_deg is above 0"
-            yield Fault(path, shown(value), f"only with tracker.noise: null, without effect here ({why})")
-    if value_at(merged, ("tracker", "engine")) == "compiled" != value_at(beneath, ("tracker", "engine")):
-        yield Fault(("tracker", "engine"), "'compiled'", "auto or numpy where the bearings are noisy")
-
-
 def _engine(merged: Mapping[str, Any]) -> Iterator[Fault]:
     """A mixture whose members are not those that there are in C."""
     members = value_at(merged, ("tracker", "members"))

@@ -197,10 +197,14 @@ def _keep_out(value: tuple[KeepOutZoneSection, ...], problem: PosedProblem) -> I
     "separation",
     "separation_m",
     Positive | None,
-    key(None, "Least distance in m from where other vehicles said that they will be, beside vehicles."),
+    key(
+        None,
+        "Least distance in m from other vehicles, beside vehicles: each stays on its side of the target, or clear of "
+        "wherever the others can be.",
+    ),
 )
 def _separation(value: float, problem: PosedProblem) -> Iterator[Constraint]:
-    from gbt_ocp.guidance.others import KeepApart
+    from gbt_ocp.guidance.apart import KeepApart
 
     yield KeepApart(problem.vehicle.position_dimension, value)
 

@@ -18,9 +18,10 @@ from pydantic import ValidationError
 
 from gbt_ocp.experiments.config import catalogue
 from gbt_ocp.experiments.config import yaml_dialect as dialect
-from gbt_ocp.experiments.config.consistency import extremes, inconsistencies, without_effect
+from gbt_ocp.experiments.config.consistency import extremes, inconsistencies
 from gbt_ocp.experiments.config.defaults import DIMENSION_DEFAULTS, PRESETS
 from gbt_ocp.experiments.config.faults import NOTHING, ConfigurationError, Fault, shown, value_at
+from gbt_ocp.experiments.config.idle_keys import without_effect
 from gbt_ocp.experiments.config.overlay import overlaid
 from gbt_ocp.experiments.config.schema import Configuration, is_text
 from gbt_ocp.experiments.config.tracker import TrackerSection

@@ -149,7 +149,11 @@ class DrivenVehicleSection(Section):
     """A vehicle with fewer inputs than ways to move; needs planner.form: shooting."""
 
     kind: Literal["driven"] = key(..., "A vehicle that is not flat; vehicle.model alone chooses it.")
-    model: DrivenName = key(..., "The vehicle by its name, as gbt-ocp list vehicles shows them.")
+    model: DrivenName = key(
+        ...,
+        "The vehicle by its name, as gbt-ocp list vehicles shows them; of a flat one it is vehicle.parameters.",
+        ", ".join([*KNOWN_BY_NAME, *DRIVEN_BY_NAME]),
+    )
     thrust_max: PositiveInputNumbers | None = key(
         None, "Upper limits of the inputs in their units (N, rad); null is the model's."
     )

@@ -12,9 +12,15 @@ from gbt_ocp.experiments.config.guidance import PlannerGuidanceSection
 from gbt_ocp.experiments.config.overlay import overlaid
 from gbt_ocp.experiments.config.vehicle import KNOWN_BY_NAME
 
-CROSSING = {"startup_deviation": 0.12, "startup_opening": 0.0, "startup_leg_s": 20.0}
-"""How a slow vehicle crosses the line of sight, where a problem has it do so: its legs are longer, none of its speed
-leads away, and plans begin when the standoff leaves them room."""
+CROSSING = {"startup_deviation": 0.12, "startup_leg_s": 20.0}
+"""How a slow vehicle crosses the line of sight, where a problem has it do so: its legs are longer, and plans begin when
+the standoff leaves them room."""
+
+OPENING = 0.25
+"""Speed at which a slow vehicle leads away while it crosses, over the largest of the target.
+
+Farther away less is learnt of the range; but a target that comes nearer does not show until the range is known, and
+with none a BlueROV2 was within the standoff in 3 of 6 runs (seeds 100 to 102 and 300 to 302)."""
 
 SURE = 0.08
 """Deviation of the range over it until which a slow vehicle with Fossen's equations crosses. With 0.12 the standoff
@@ -88,7 +94,7 @@ def driven_defaults(name: str, beneath: Mapping[str, Any], written: Mapping[str,
     steps = max(1, math.ceil(known.quickest * period / RESOLVED))
     defaults: dict[str, Any] = {"planner": {"form": "shooting", "steps": steps}, "limits": limits}
     if value_at(beneath, ("guidance", "startup_deviation")) not in (NOTHING, 0.0):
-        defaults["guidance"] = CROSSING | {"startup_speed": round(SHARE * known.speed, 2)}
+        defaults["guidance"] = CROSSING | _opening(merged) | {"startup_speed": round(SHARE * known.speed, 2)}
     reverse = value_at(beneath, ("desired_bearing", "reverse_s"))
     if known.turn_radius > 0.0 and isinstance(reverse, int | float):
         turn = math.pi * TURN_MARGIN * known.turn_radius / known.speed
@@ -102,7 +108,7 @@ def slow_defaults(beneath: Mapping[str, Any], written: Mapping[str, Any], dimens
     They are those of one whose named coefficients, or ``limits.speed``, keep it below the speed at which the problem
     has it cross the line of sight. Legs have the length in metres that those of the sea's own vehicle have: in the same
     time a slow one sees the target from nearly the same place, and its range is lost. Below :data:`SLOW` it crosses
-    until the range is better known, none of its speed leading away.
+    until the range is better known, and leads away no faster than it has to.
 
     Parameters
     ----------
@@ -131,10 +137,16 @@ def slow_defaults(beneath: Mapping[str, Any], written: Mapping[str, Any], dimens
         return {}
     crossing: dict[str, Any] = {"startup_speed": round(speed, 3), "startup_leg_s": float(round(CROSSED / speed))}
     if speed < SLOW:
-        crossing = CROSSING | {"startup_deviation": SURE} | crossing
+        crossing = CROSSING | _opening(merged) | {"startup_deviation": SURE} | crossing
     defaults: dict[str, Any] = {"guidance": crossing}
     reverse, target = (value_at(merged, ("desired_bearing", key)) for key in ("reverse_s", "target_speed"))
     target = DesiredBearingSection.model_fields["target_speed"].default if target is NOTHING else target
     if isinstance(reverse, int | float) and isinstance(target, int | float) and min(fastest) > target:
         defaults["desired_bearing"] = {"reverse_s": max(reverse, round(reverse * CIRCLED / (min(fastest) - target)))}
     return defaults
+
+
+def _opening(merged: Mapping[str, Any]) -> dict[str, float]:
+    """The key of :data:`OPENING`, of what is said about the target."""
+    fastest = value_at(merged, ("limits", "range", "target_speed_max"))
+    return {"startup_opening": round(OPENING * fastest, 3) if isinstance(fastest, int | float) else 0.0}

@@ -83,7 +83,7 @@ def _driven(merged: Mapping[str, Any], problem: TrackingProblem | None) -> Itera
         fitting = [other for other, d in DRIVEN_DIMENSIONS.items() if d == problem.dimension]
         allowed = f"{', '.join(fitting)} (the problem has {problem.dimension} dimensions)"
         yield Fault(("vehicle", "model"), shown(name), allowed)
-    if value_at(merged, ("planner", "form")) != "shooting":
+    if dimension is not None and value_at(merged, ("planner", "form")) != "shooting":
         yield Fault(("planner", "form"), shown(value_at(merged, ("planner", "form"))), "shooting beside vehicle.model")
     law = value_at(merged, ("guidance", "kind"))
     if law not in (NOTHING, *LAWS_OF_DRIVEN):

@@ -5,6 +5,10 @@
 
 #define D GBT_DIMENSION
 #define LOST ((gbt_real)1.6)      /* factor on the deviation at which a vehicle that planned already crosses again */
+#define OBSERVED ((gbt_real)0.25) /* deviation over the range below which what is believed of it is more than its prior */
+#define SPREADS 2                 /* deviations by which a believed range has to be above the nearest one */
+#define CLEARED 10                /* time within which a vehicle that is nearer than that goes to be clear, s */
+#define CLEARING ((gbt_real)0.8)  /* most of the speed that leads away; the rest is across, for the range's sake */
 #define STRAIGHT ((gbt_real)1e-9) /* size of a cross product below which its factors count as parallel */
 
 static int all_finite(const gbt_real *x, int count)
@@ -29,7 +33,7 @@ static void normalise(gbt_real *x, gbt_real least)
 }
 
 void gbt_startup_init(gbt_startup *startup, const gbt_real *axis, gbt_real deviation, gbt_real speed, gbt_real opening,
-                      gbt_real leg, gbt_real period)
+                      gbt_real leg, gbt_real nearest, gbt_real period)
 {
     startup->axis[0] = startup->axis[1] = startup->axis[2] = 0;
     if (D == 3) {
@@ -37,9 +41,10 @@ void gbt_startup_init(gbt_startup *startup, const gbt_real *axis, gbt_real devia
         normalise(startup->axis, 0);
     }
     startup->deviation = deviation;
-    startup->across = gbt_sqrt(speed * speed - opening * opening);
+    startup->speed = speed;
     startup->opening = opening;
     startup->leg = leg;
+    startup->nearest = nearest;
     startup->period = period;
     startup->known = startup->crossing = 0;
     startup->began = 0;
@@ -59,6 +64,14 @@ static void turn_of(const gbt_startup *startup, const gbt_real *sight, gbt_real 
     }
 #endif
     normalise(turn, STRAIGHT);
+}
+
+/* The speed away from a target believed at a distance of this deviation: more where that may be too near. */
+static gbt_real opening_of(const gbt_startup *startup, gbt_real distance, gbt_real spread)
+{
+    if (startup->nearest == 0 || spread >= OBSERVED * distance) return startup->opening;
+    const gbt_real missing = startup->nearest + SPREADS * spread - distance;
+    return gbt_fmax(startup->opening, gbt_fmin(missing / CLEARED, CLEARING * startup->speed));
 }
 
 gbt_startup_status gbt_startup_velocity(gbt_startup *startup, gbt_real time, const gbt_real *z, const gbt_real *mean,
@@ -87,8 +100,9 @@ gbt_startup_status gbt_startup_velocity(gbt_startup *startup, gbt_real time, con
     }
     const int back = gbt_fmod(gbt_floor((time - startup->began) / startup->leg + (gbt_real)1e-9), (gbt_real)2) > 0;
     turn_of(startup, sight, turn);
-    for (int k = 0; k < D; k++)
-        velocity[k] = (back ? 1 : -1) * startup->across * turn[k] - startup->opening * sight[k];
+    const gbt_real opening = opening_of(startup, distance, spread);
+    const gbt_real across = gbt_sqrt(startup->speed * startup->speed - opening * opening);
+    for (int k = 0; k < D; k++) velocity[k] = (back ? 1 : -1) * across * turn[k] - opening * sight[k];
     return GBT_STARTUP_CROSS;
 }
 

@@ -1,7 +1,7 @@
 /* The first moves: until the range is known the vehicle crosses the line of sight, and nothing is planned.
 
        gbt_startup startup;
-       gbt_startup_init(&startup, axis, deviation, speed, opening, leg, period);
+       gbt_startup_init(&startup, axis, deviation, speed, opening, leg, nearest, period);
        at every step:
            switch (gbt_startup_step(&startup, time, z, dz, mean, covariance, thrust)) {
            case GBT_STARTUP_CROSS:    apply thrust until the next step
@@ -25,9 +25,10 @@ typedef struct {
     /* settings */
     gbt_real axis[3];   /* of the turn of the desired bearing in space, a unit vector */
     gbt_real deviation; /* posterior deviation of the range over the range below which it counts as known */
-    gbt_real across;    /* speed across the line of sight, m/s */
-    gbt_real opening;   /* speed away from the target, m/s */
+    gbt_real speed;     /* m/s */
+    gbt_real opening;   /* part of it that leads away from the target, m/s */
     gbt_real leg;       /* time after which the vehicle crosses the other way, s */
+    gbt_real nearest;   /* distance to be kept, as far as the range is known, m; 0 for none */
     gbt_real period;    /* time within which a velocity is reached, s */
     /* what is remembered */
     int known;      /* whether the range was known at the last step */
@@ -42,9 +43,10 @@ typedef struct {
    speed       of the vehicle, m/s
    opening     part of the speed that leads away from the target, m/s, less than the speed
    leg         time after which the vehicle crosses the other way, s
+   nearest     distance to be kept, as far as the range is known, m; 0 for none
    period      time within which a velocity is reached, s: that between two steps */
 void gbt_startup_init(gbt_startup *startup, const gbt_real *axis, gbt_real deviation, gbt_real speed, gbt_real opening,
-                      gbt_real leg, gbt_real period);
+                      gbt_real leg, gbt_real nearest, gbt_real period);
 
 /* One step for any vehicle: how fast to cross.
 

@@ -16,7 +16,8 @@ void gbt_guidance_begin(gbt_guidance *guidance)
     gbt_disturbance_init(&guidance->disturbance);
 #endif
     gbt_startup_init(&guidance->startup, numbers->axis, numbers->startup_deviation, numbers->startup_speed,
-                     numbers->startup_opening, numbers->startup_leg, (gbt_real)numbers->period);
+                     numbers->startup_opening, numbers->startup_leg, numbers->startup_nearest,
+                     (gbt_real)numbers->period);
     guidance->desired.rate = numbers->desired_rate;
     guidance->desired.phase = numbers->desired_phase;
     guidance->desired.reverse = numbers->desired_reverse;
@@ -140,6 +141,7 @@ static gbt_startup_status cross(gbt_guidance *guidance, double time, gbt_real fl
     const gbt_startup_status status = gbt_startup_velocity(&guidance->startup, (gbt_real)time, flat[0],
                                                            forecast->mean[0], &covariance[0][0], velocity);
     if (status == GBT_STARTUP_CROSS) {
+        gbt_helm_turning_away(flat[0], forecast->mean[0], velocity);
         gbt_helm_reach(&guidance->helm, flat[0], flat[1], velocity, guidance->thrust);
         guidance->acts = 1;
         for (int j = 0; j < GBT_INPUTS; j++) guidance->acting[j] = guidance->thrust[j];

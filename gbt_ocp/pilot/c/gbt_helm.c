@@ -12,6 +12,7 @@
 #define RATE_GAIN ((gbt_real)0.6)
 #define PITCH_GAIN ((gbt_real)1.5)
 #define BEGINNING ((gbt_real)0.3)
+#define AWAY ((gbt_real)0.5)
 #define SPEED_GAIN ((gbt_real)0.5)
 #define STEEPEST ((gbt_real)0.4363323129985824)
 
@@ -27,6 +28,16 @@ static gbt_real push_for(gbt_real speed)
     const gbt_real place = between(speed / gbt_pilot_numbers.helm_fastest, 0, 1) * (GBT_PUSHES - 1);
     const int before = place < GBT_PUSHES - 1 ? (int)place : GBT_PUSHES - 2;
     return push[before] + (place - (gbt_real)before) * (push[before + 1] - push[before]);
+}
+
+void gbt_helm_turning_away(const gbt_real *z, const gbt_real *mean, gbt_real *velocity)
+{
+    const gbt_real c = gbt_cos(z[D]), s = gbt_sin(z[D]), x = mean[0] - z[0], y = mean[1] - z[1];
+    const gbt_real distance = gbt_sqrt(x * x + y * y);
+    if (c * velocity[0] + s * velocity[1] >= 0 || -c * x - s * y >= AWAY * distance) return;
+    const gbt_real share = -gbt_sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1]) / distance;
+    velocity[0] = share * x;
+    velocity[1] = share * y;
 }
 
 void gbt_helm_reach(gbt_helm *helm, const gbt_real *z, const gbt_real *dz, const gbt_real *velocity, gbt_real *inputs)

@@ -14,6 +14,13 @@ typedef struct {
     gbt_real last[GBT_INPUTS];
 } gbt_helm;
 
+/* The velocity to steer for first, m/s, GBT_DIMENSION, in place of the one to be reached: away from the target where the
+   course is more than a right angle off the heading, until the vehicle has turned to that side.
+
+   z      measured pose, GBT_FLAT
+   mean   posterior mean of the target's position now, GBT_DIMENSION, m */
+void gbt_helm_turning_away(const gbt_real *z, const gbt_real *mean, gbt_real *velocity);
+
 /* Inputs that steer towards a velocity in m/s, GBT_DIMENSION, at a pose and its rate, GBT_FLAT each. */
 void gbt_helm_reach(gbt_helm *helm, const gbt_real *z, const gbt_real *dz, const gbt_real *velocity, gbt_real *inputs);
 
