@@ -216,13 +216,14 @@ def test_numbers_that_are_none_are_refused():
     assert pilot.navigate(0.5, [math.nan, 0.0, 0.0], velocity) == "not finite"
     assert pilot.navigate(0.5, pose, [0.0, math.inf, 0.0]) == "not finite"
     assert pilot.navigate(0.5, pose, velocity, -np.eye(3)) == "not finite"
+    assert pilot.navigate(0.5, pose, [1e300, 0.0, 0.0]) == "not finite", "whose drag is no number"
     with pytest.raises(ValueError, match="time: found nan; allowed: a finite number"):
         pilot.command(math.nan)
     with pytest.raises(ValueError, match=r"pose: found .*; allowed: numbers of shape \(3,\)"):
         pilot.navigate(0.5, [0.0, 0.0], velocity)
     with pytest.raises(ValueError, match="value"):
         gbt.Measurement(0.5, "azimuth", math.nan)
-    assert pilot.command(0.5).health.received == {"not finite": 4}
+    assert pilot.command(0.5).health.received == {"not finite": 5}
 
 
 def test_what_the_tracker_does_not_take_is_counted():

@@ -111,7 +111,7 @@ class Pilot:
         -------
         ``taken``; ``late`` if it was sorted in before another; ``duplicate`` of a time that was navigated; ``too old``,
         by more than ``pilot.late_s``; ``ahead`` of all else by more than ``pilot.navigation_gap_s``, so that it waits
-        for another one that confirms the step; ``not finite``. The last four change nothing.
+        for another one that confirms the step; ``not finite``, or beyond 1e12 in size. The last four change nothing.
 
         Raises
         ------

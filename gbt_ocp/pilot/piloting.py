@@ -30,6 +30,9 @@ from gbt_ocp.pilot.shot_follower import ShotFollower
 from gbt_ocp.pilot.skeleton import Skeleton
 from gbt_ocp.typing import Array
 
+LARGEST = 1.0e12
+"""Sum of the sizes of a pose and its velocity above which their squares are no numbers any more, in either precision."""
+
 MOST_KNOWN = 512
 """Measurements that are remembered to find duplicates, before those that are too old are forgotten."""
 
@@ -103,7 +106,8 @@ class Piloting:
         variance = 0.0
         if covariance is not None:
             variance = float(checked_numbers("covariance", covariance, (size, size))[self._dimension, self._dimension])
-        if not (math.isfinite(sum(p.tolist()) + sum(v.tolist()) + time + variance) and variance >= 0.0):
+        size = sum(map(abs, p.tolist())) + sum(map(abs, v.tolist()))
+        if not (size <= LARGEST and math.isfinite(time + variance) and variance >= 0.0):
             return self._answered("not finite")
         if self.began_at is None:
             self.begin(p[: self._dimension])

@@ -18,7 +18,7 @@ typedef enum {
     GBT_DUPLICATE = 3,     /* there is one of that time; of a measurement, of that sensor and kind too */
     GBT_TOO_OLD = 4,       /* by more than gbt_pilot_numbers.late */
     GBT_AHEAD_OF_ALL = 5,  /* of all else, by more than a gap; a navigation then waits for one that confirms it */
-    GBT_NO_NUMBER = 6,     /* an input is not finite, or a variance below 0 */
+    GBT_NO_NUMBER = 6,     /* an input is not finite, a pose or velocity beyond 1e12 in size, or a variance below 0 */
     GBT_NO_NAVIGATION = 7, /* at the time of the measurement */
     GBT_REFUSED = 8,       /* by the tracker, at the next command */
     GBT_FULL = 9,          /* GBT_MEASUREMENTS wait for the next command already */

@@ -8,6 +8,7 @@
 #include "gbt_trajectory.h"
 #endif
 
+#define LARGEST 1e12 /* sum of the sizes of a pose and its velocity above which their squares are no numbers any more */
 #define D GBT_DIMENSION
 
 void gbt_pilot_init(gbt_pilot *pilot)
@@ -69,10 +70,9 @@ gbt_received gbt_pilot_navigate_far(gbt_pilot *pilot, double time, const double 
 {
     const gbt_real variance = covariance ? covariance[D * GBT_POSE + D] : 0;
     gbt_own_state state;
-    for (int j = 0; j < GBT_POSE; j++)
-        if (!isfinite((gbt_real)pose[j])) return answered(pilot, GBT_NO_NUMBER);
-    if (!isfinite(time) || !gbt_finite(velocity, GBT_POSE) || !isfinite(variance) || variance < 0)
-        return answered(pilot, GBT_NO_NUMBER);
+    double size = 0;
+    for (int j = 0; j < GBT_POSE; j++) size += fabs(pose[j]) + fabs((double)velocity[j]);
+    if (!(size <= LARGEST) || !isfinite(time) || !isfinite(variance) || variance < 0) return answered(pilot, GBT_NO_NUMBER);
     if (!pilot->begun) {
         gbt_origin_place(pilot, pose, state.pose);
         gbt_tracker_begin(&pilot->tracker, state.pose);
