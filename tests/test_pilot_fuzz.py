@@ -62,9 +62,18 @@ def sound(program, sequences, seed=0):
     return [[int(number) for number in group.split()] for group in found.groups()]
 
 
+NO_PLAN = 3
+"""The status for numbers so large that no plan is finite; a navigation of such numbers is refused before."""
+
+
+def given(statuses):
+    """Whether every status was given that can be."""
+    return min(count for place, count in enumerate(statuses) if place != NO_PLAN) > 0
+
+
 def test_a_few_sequences_are_answered(tmp_path):
     statuses, answers, notes = sound(program_of(tmp_path, "motion_gp in the plane", ["-O0"]), 150)
-    assert min(statuses) > 0
+    assert given(statuses)
     assert min(answers[:8]) > 0
     assert sum(count > 0 for count in notes) >= 5
 
@@ -74,7 +83,7 @@ def test_a_few_sequences_are_answered(tmp_path):
 def test_a_hundred_thousand_sequences_are_answered(tmp_path, name):
     """Over the five pilots together."""
     statuses, answers, notes = sound(program_of(tmp_path, name, ["-O1", *CHECKED]), PILOTS[name][2], 1)
-    assert min(statuses) > 0
+    assert given(statuses)
     # what the tracker refuses is counted at the next command
     assert [place for place, count in enumerate(answers) if count == 0] == [8]
     assert sum(count > 0 for count in notes) >= 6

@@ -31,7 +31,7 @@ from gbt_ocp.pilot.skeleton import Skeleton
 from gbt_ocp.typing import Array
 
 LARGEST = 1.0e12
-"""Sum of the sizes of a pose and its velocity above which their squares are no numbers any more, in either precision."""
+"""Sum of the sizes of a pose and its velocity above which their squares may be no numbers, in single precision."""
 
 MOST_KNOWN = 512
 """Measurements that are remembered to find duplicates, before those that are too old are forgotten."""

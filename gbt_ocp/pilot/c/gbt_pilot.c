@@ -8,7 +8,7 @@
 #include "gbt_trajectory.h"
 #endif
 
-#define LARGEST 1e12 /* sum of the sizes of a pose and its velocity above which their squares are no numbers any more */
+#define LARGEST 1e12 /* sum of the sizes of a pose and its velocity above which their squares may be no numbers, in single precision */
 #define D GBT_DIMENSION
 
 void gbt_pilot_init(gbt_pilot *pilot)
