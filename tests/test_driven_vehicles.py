@@ -284,7 +284,10 @@ def test_a_half_turn_leads_away_from_the_target():
         (["vehicle.model=vessel", "command=setpoint"], "command: found setpoint"),
         (["vehicle.model=vessel", "plant.drag=1.2", "vehicle.follow=dynamics"], "plant: found"),
         (["vehicle.model=torpedo2d", "vehicle.thrust_max=[1.0]"], "vehicle.thrust_max: found .*; allowed: .*2 numbers"),
-        (["vehicle.model=submarine"], "vehicle.model: found .*submarine.*; allowed: torpedo2d, torpedo3d, vessel"),
+        (
+            ["vehicle.model=submarine"],
+            "vehicle.model: found .*submarine.*; allowed: falcon, bluerov2_heavy, torpedo2d, torpedo3d, vessel",
+        ),
     ],
 )
 def test_what_does_not_fit_such_a_vehicle_is_one_line(overrides, line):

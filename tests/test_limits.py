@@ -216,7 +216,7 @@ def test_a_penalty_on_what_is_only_believed_is_never_a_reason_to_refuse_a_plan()
     plan = solve(soft, "compiled", knots, np.zeros((2, 3)))
     assert plan.status == "solved"
     assert plan.fallback == ""
-    assert plan.violation == 0.0
+    assert plan.violation < 0.1, "of the thrust, between nodes: the range, broken by 0.8 of it, does not count"
     assert np.linalg.norm(plan.endpoints[-1, :2] - [1.0, 0.2]) > 2.0
     plan = solve(hard, "compiled", knots, np.zeros((2, 3)))
     assert (plan.status, plan.fallback) == ("given up", "")

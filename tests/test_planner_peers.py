@@ -95,7 +95,14 @@ def test_held_acceleration_is_judged_on_its_parabolas(dimension):
     assert found == pytest.approx(peak, rel=1e-10)
 
 
-PEERS = [("alpaqa", "alpaqa"), ("fatrop", "casadi"), ("opti", "casadi"), ("rockit", "rockit"), ("do_mpc", "do_mpc")]
+PEERS = [
+    ("alpaqa", "alpaqa"),
+    # its functions are compiled, for minutes
+    pytest.param("fatrop", "casadi", marks=pytest.mark.slow),
+    ("opti", "casadi"),
+    ("rockit", "rockit"),
+    ("do_mpc", "do_mpc"),
+]
 
 
 @pytest.mark.parametrize(("name", "module"), PEERS)
