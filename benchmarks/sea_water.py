@@ -150,11 +150,11 @@ def line(pair: Pair, rows: list[dict[str, Any]], others: list[dict[str, Any]]) -
         late = max(row["current_error_late"] for row in rows)
         known = max(row["current_known_from_s"] for row in rows)
         cells.append(f"{late:.3f}; to {ESTIMATED:g} from {known:.0f} s at the latest")
-    elif "vehicle.model" in pair.changes:
+    elif "torpedo" in pair.changes.get("vehicle.model", ""):
         slow = [row["speed_ahead_min"] for row in rows if row["speed_ahead_min"] is not None]
         tight = [row["turn_radius_min_m"] for row in rows if row["turn_radius_min_m"] is not None]
         cells.append(f"{min(slow, default=math.nan):.2f} m/s, {min(tight, default=math.nan):.2f} m")
-    else:
+    elif any(pair in PAIRS[group] for group in LAST):
         cells.append("")
     return "| " + " | ".join(map(str, cells)) + " |"
 
@@ -162,9 +162,10 @@ def line(pair: Pair, rows: list[dict[str, Any]], others: list[dict[str, Any]]) -
 HEAD = (
     "runs", "seeds", "now, %: mean (worst)", "in 10 s, %", "beside it, now", "in 10 s", "ratio of means", "of medians",
     "asked", "least range, m", "samples below the standoff", "lost", "thrust beyond its limit",
-    "most speed over ground, m/s", "power, W",
-    "error of the current from 60 s on, m/s; else least speed ahead, radius",
+    "most speed, m/s", "power, W",
 )  # fmt: skip
+LAST = {"current": ["error of the current, m/s"], "vehicles": ["least speed, radius"]}
+"""A column of some tables: the error is that from 60 s on, speed ahead and radius of turns those of a torpedo."""
 
 
 def main() -> None:
@@ -199,7 +200,8 @@ def main() -> None:
                 out.write(json.dumps([key, known[key]]) + "\n")
             print(f"{number} of {len(running)}: {known[key]['wall_s']:.0f} s", flush=True)
     for group in options.groups:
-        print(f"\n{group}\n\n| " + " | ".join(HEAD) + " |\n|" + "---|" * len(HEAD))
+        head = [*HEAD, *LAST.get(group, [])]
+        print(f"\n{group}\n\n| " + " | ".join(head) + " |\n|" + "---|" * len(head))
         for pair in PAIRS[group]:
             rows, others = (
                 [
