@@ -131,8 +131,8 @@ def tasks(groups: list[str], seeds: list[int]) -> Iterator[tuple[str, Pair, int,
                         yield key, pair, seed, beside
 
 
-def line(pair: Pair, rows: list[dict[str, Any]], others: list[dict[str, Any]]) -> str:
-    """A row of the table."""
+def line(pair: Pair, rows: list[dict[str, Any]], others: list[dict[str, Any]], columns: int) -> str:
+    """A row of the table, with so many columns."""
     errors = 100.0 * np.array([[row["relative_error"], row["relative_error_10s"]] for row in rows], dtype=float)
     still = 100.0 * np.array([[row["relative_error"], row["relative_error_10s"]] for row in others], dtype=float)
     ratios = [np.mean(errors, 0) / np.mean(still, 0), np.median(errors, 0) / np.median(still, 0)]
@@ -154,8 +154,7 @@ def line(pair: Pair, rows: list[dict[str, Any]], others: list[dict[str, Any]]) -
         slow = [row["speed_ahead_min"] for row in rows if row["speed_ahead_min"] is not None]
         tight = [row["turn_radius_min_m"] for row in rows if row["turn_radius_min_m"] is not None]
         cells.append(f"{min(slow, default=math.nan):.2f} m/s, {min(tight, default=math.nan):.2f} m")
-    elif any(pair in PAIRS[group] for group in LAST):
-        cells.append("")
+    cells += [""] * (columns - len(cells))
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
@@ -210,7 +209,7 @@ def main() -> None:
                 ]
                 for beside in (False, True)
             )
-            print(line(pair, rows, others))
+            print(line(pair, rows, others, len(head)))
 
 
 if __name__ == "__main__":

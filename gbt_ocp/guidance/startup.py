@@ -188,12 +188,11 @@ class CrossFirst:
         if not not_negative("opening", opening) < speed:
             raise ValueError(f"guidance.startup_opening: found {opening}; allowed: a number < startup_speed = {speed}")
         self.planned = planned
-        self.speed = float(speed)
         self.helm = helm_of(vehicle, period, limits)
         unit = vector("axis", axis, 3)
         unit /= positive("length of axis", float(np.linalg.norm(unit)))
         self._side = side
-        self._crossing = Crossing(unit, deviation, self.speed, opening, leg, not_negative("nearest", nearest))
+        self._crossing = Crossing(unit, deviation, float(speed), opening, leg, not_negative("nearest", nearest))
 
     @property
     def crossing(self) -> Crossing:
@@ -224,7 +223,7 @@ class CrossFirst:
             return self.planned.decide(time, flat, forecast)
         self.planned.remember(time, flat, forecast)
         if isinstance(self.helm, Helm):
-            velocity = turning_away(velocity, flat[0, len(own)], forecast.mean[0] - own)
+            velocity = turning_away(velocity, flat[0, len(own)], mean - own)
         thrust = self.helm.reach_velocity(flat, velocity)
         planner = planner_of(self.planned)
         if isinstance(planner, AnyPlanner):

@@ -132,7 +132,7 @@ def _guidance(parts: PilotParts) -> tuple[dict[str, Any], dict[str, int]]:
         "desired_speed": desired.speed if isinstance(desired, PacedBearing) else 0.0,
         "begin_at_sight": int(begin_at_sight),
         "startup_deviation": 0.0 if crossing is None else crossing.crossing.deviation,
-        "startup_speed": 0.0 if crossing is None else crossing.speed,
+        "startup_speed": 0.0 if crossing is None else crossing.crossing.speed,
         "startup_opening": 0.0 if crossing is None else crossing.crossing.opening,
         "startup_leg": 1.0 if crossing is None else crossing.crossing.leg,
         "startup_nearest": 0.0 if crossing is None else crossing.crossing.nearest,

@@ -106,8 +106,8 @@ class Piloting:
         variance = 0.0
         if covariance is not None:
             variance = float(checked_numbers("covariance", covariance, (size, size))[self._dimension, self._dimension])
-        size = sum(map(abs, p.tolist())) + sum(map(abs, v.tolist()))
-        if not (size <= LARGEST and math.isfinite(time + variance) and variance >= 0.0):
+        together = sum(map(abs, p.tolist())) + sum(map(abs, v.tolist()))
+        if not (together <= LARGEST and math.isfinite(time + variance) and variance >= 0.0):
             return self._answered("not finite")
         if self.began_at is None:
             self.begin(p[: self._dimension])

@@ -238,12 +238,6 @@ def build_guidance(
     return strategy if current is None else InWater(strategy, current, configuration.forecast_period)
 
 
-def _nearest(configuration: Configuration) -> float:
-    """Distance in metres to be kept from the target, with what is added for what the belief does not know."""
-    limit = configuration.limits.range
-    return 0.0 if limit is None or limit.nearest_m is None else limit.nearest_m + limit.margin_m
-
-
 def _own_side(configuration: Configuration, others: OtherVehicles | None) -> OwnSide | None:
     """The own side of a vehicle beside others, where they are to keep apart."""
     distance, standoff = configuration.limits.separation_m, configuration.standoff
@@ -255,7 +249,7 @@ def _own_side(configuration: Configuration, others: OtherVehicles | None) -> Own
 def _crossing_first(
     configuration: Configuration, planned: PlannedMotion, vehicle: Vehicle, side: OwnSide | None
 ) -> CrossFirst:
-    section = cast(PlannerGuidanceSection, configuration.guidance)
+    section, kept = cast(PlannerGuidanceSection, configuration.guidance), configuration.limits.range
     return CrossFirst(
         planned,
         vehicle,
@@ -265,7 +259,7 @@ def _crossing_first(
         speed=section.startup_speed,
         opening=section.startup_opening,
         leg=section.startup_leg_s,
-        nearest=_nearest(configuration),
+        nearest=0.0 if kept is None else kept.nearest_kept or 0.0,
         limits=SteeringLimits(
             slowest=configuration.limits.speed_min or 0.0,
             radius=configuration.limits.turn_radius_m or 0.0,

@@ -55,12 +55,13 @@ def inconsistencies(merged: Mapping[str, Any], problem: TrackingProblem | None) 
 
 def _number(merged: Mapping[str, Any], path: tuple[str, ...], default: Any) -> float | None:
     value = value_at(merged, path)
-    return _as_number(default if value is NOTHING else value)
+    return as_number(default if value is NOTHING else value)
 
 
-def _as_number(value: Any) -> float | None:
+def as_number(value: Any) -> float | None:
+    """A number of a size that can be computed with, else ``None``: other faults are of these."""
     number = isinstance(value, int | float) and not isinstance(value, bool) and is_moderate(value)
-    return value if number else None  # extremes() reports the others
+    return value if number else None
 
 
 def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
@@ -73,7 +74,7 @@ def _sizes(merged: Mapping[str, Any]) -> Iterator[Fault]:
         yield Fault(("planner", "continuity"), shown(continuity), allowed)
     yield from _changes(merged, degree, continuity)
     duration = _number(merged, ("duration_s",), Configuration.model_fields["duration_s"].default)
-    period = _as_number(sampling_period(merged))
+    period = as_number(sampling_period(merged))
     steps = 1.0
     piece = _number(merged, ("planner", "period_s"), None)
     ahead = _number(merged, ("tracker", "forecast_period_s"), None)
@@ -136,7 +137,7 @@ def _noise(merged: Mapping[str, Any]) -> Iterator[Fault]:
         return
     if not isinstance(value_at(merged, path), Mapping):
         return
-    if value_at(merged, (*path, "std_deg")) in (NOTHING, None) and not _as_number(bearing_noise(merged)):
+    if value_at(merged, (*path, "std_deg")) in (NOTHING, None) and not as_number(bearing_noise(merged)):
         yield Fault((*path, "std_deg"), "null", "a number > 0 where sensor.noise_deg is 0")
     yield from _bins(merged, path, NoisyBearingsSection, 2)
 
@@ -234,7 +235,7 @@ def _track(merged: Mapping[str, Any], dimension: int) -> Iterator[Fault]:
         _number(merged, ("target", "time_scale"), 1.0),
         _number(merged, ("target", "start_time_s"), 0.0),
         _number(merged, ("duration_s",), Configuration.model_fields["duration_s"].default),
-        _as_number(sampling_period(merged)),
+        as_number(sampling_period(merged)),
         _number(merged, ("tracker", "forecast"), TrackerSection.model_fields["forecast"].default),
     )
     period = _number(merged, ("tracker", "forecast_period_s"), None) or values[3]  # null may be written out

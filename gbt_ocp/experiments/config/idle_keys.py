@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from gbt_ocp.experiments.build.tracker_kinds import TRACKERS
+from gbt_ocp.experiments.config.consistency import as_number
 from gbt_ocp.experiments.config.faults import NOTHING, Fault, shown, value_at
 from gbt_ocp.experiments.config.guidance import PlannerGuidanceSection
 from gbt_ocp.experiments.config.keys import Section, as_tuples
@@ -133,7 +134,7 @@ def _beside_noise(merged: Mapping[str, Any], beneath: Mapping[str, Any]) -> Iter
     kind, noise = TRACKERS.get(str(value_at(merged, ("tracker", "kind")))), value_at(merged, ("tracker", "noise"))
     if kind is None or not issubclass(kind.section, GaussianProcessSection):
         return
-    by_sensor = noise in (NOTHING, "sensor") and _is_noisy(merged)
+    by_sensor = noise in (NOTHING, "sensor") and as_number(bearing_noise(merged))
     if not (isinstance(noise, Mapping) or by_sensor):
         return
     for path in _all("tracker", "kernel", "centre", "amplitude", "length_scale", "nugget", "bound_delta"):
@@ -143,8 +144,3 @@ def _beside_noise(merged: Mapping[str, Any], beneath: Mapping[str, Any]) -> Iter
             yield Fault(path, shown(value_at(merged, path)), allowed)
     if value_at(merged, ("tracker", "engine")) == "compiled" != value_at(beneath, ("tracker", "engine")):
         yield Fault(("tracker", "engine"), "'compiled'", "auto or numpy where the bearings are noisy")
-
-
-def _is_noisy(merged: Mapping[str, Any]) -> bool:
-    noise = bearing_noise(merged)
-    return isinstance(noise, int | float) and not isinstance(noise, bool) and noise != 0.0

@@ -56,6 +56,11 @@ class RangeLimitSection(Section):
         "moments of all together.",
     )
 
+    @property
+    def nearest_kept(self) -> float | None:
+        """What plans keep in metres, the margin with it; ``None`` for no limit."""
+        return None if self.nearest_m is None else self.nearest_m + self.margin_m
+
 
 class DepthLimitSection(Section):
     """The water, in space."""
@@ -167,10 +172,9 @@ def _range(value: RangeLimitSection, problem: PosedProblem) -> Iterator[Constrai
     from gbt_ocp.guidance.standoff import RangeOfHypotheses, ReachableRange
     from gbt_ocp.guidance.target_limits import RangeLimits
 
-    near = None if value.nearest_m is None else value.nearest_m + value.margin_m
     far = None if value.farthest_m is None else value.farthest_m - value.margin_m
     foresee, reach = value.spread == "forecast", (value.target_speed_max or 0.0) * problem.period
-    limits = RangeLimits(problem.vehicle.position_dimension, near, far, value.confidence, foresee=foresee)
+    limits = RangeLimits(problem.vehicle.position_dimension, value.nearest_kept, far, value.confidence, foresee=foresee)
     if value.hypothesis_probability is not None:
         yield RangeOfHypotheses(limits, value.hypothesis_probability, reach)
     else:
