@@ -147,7 +147,7 @@ def slow_defaults(beneath: Mapping[str, Any], written: Mapping[str, Any], dimens
     if speed < SLOW:
         crossing = CROSSING | _opening(merged) | {"startup_deviation": SURE} | crossing
     defaults: dict[str, Any] = {"guidance": crossing, "desired_bearing": BY_CLOCK}
-    leg, target = _clocked_leg(merged), value_at(merged, ("desired_bearing", "target_speed"))
+    leg, target = _clocked_leg(beneath), value_at(merged, ("desired_bearing", "target_speed"))
     target = DesiredBearingSection.model_fields["target_speed"].default if target is NOTHING else target
     if leg is not None and isinstance(target, int | float) and min(fastest) > target:
         longer = round(leg * CIRCLED / (min(fastest) - target))
