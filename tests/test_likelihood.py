@@ -109,6 +109,50 @@ def test_a_start_that_is_worthless_is_returned():
     np.testing.assert_array_equal(maximise(likelihood, start, [(-3.0, 3.0)] * 2, (None, None)), start)
 
 
+def exact_bearings(count):
+    """A window of a smooth motion, seen without noise."""
+    found = Window(count)
+    for t in 0.1 * np.arange(count):
+        own = 2.0 * np.array([np.sin(1.3 * t), np.cos(1.3 * t)])
+        found.append(t, unit_bearing(np.array([np.sin(t), np.cos(0.7 * t) + 4.0]), own), own)
+    return found.measurements()
+
+
+class Counted(LogLikelihood):
+    expansions = 0
+
+    def expand(self, log_theta):
+        self.expansions += 1
+        return super().expand(log_theta)
+
+
+PROCESS_BOUNDS = np.log([(0.3, 200.0), (0.5, 200.0), (1e-14, 1e-2)])
+
+
+def test_a_search_ends_where_rounding_hides_what_a_step_promises():
+    """With a nugget of 1e-14 the likelihood is known to a few thousandths: what a step gains of less is chance."""
+    likelihood = Counted(KERNELS["se"], exact_bearings(20), np.zeros(2), None)
+    found = maximise(likelihood, np.log([1.0, 1.0, 1e-11]), PROCESS_BOUNDS, (None,) * 3)
+    nearby = [likelihood(found + 1e-10 * k * np.eye(3)[0])[0] for k in range(30)]
+    assert np.std(nearby) > 100.0 * 1e-5, "more than the gain at which a search would end without rounding"
+    assert np.std(nearby) < 4.0 * np.finfo(float).eps / np.exp(found[2]), "and about what it is taken for"
+    likelihood.expansions = 0
+    again = maximise(likelihood, found, PROCESS_BOUNDS, (None,) * 3)
+    assert likelihood.expansions <= 2
+    assert likelihood(again)[0] > likelihood(found)[0] - 0.05
+
+
+def test_a_search_for_a_noisy_motion_ends_where_there_is_no_noise():
+    likelihood = Counted(KERNELS["se"], exact_bearings(20), np.zeros(2), None)
+    start = np.log([3.0, 3.0, 1e-4])
+    found = maximise(likelihood, start, PROCESS_BOUNDS, (None,) * 3, 1e-8)
+    few = likelihood.expansions
+    whole = maximise(likelihood, start, PROCESS_BOUNDS, (None,) * 3)
+    assert 1e-14 < np.exp(found[2]) < 1e-8
+    assert np.exp(whole[2]) < 1e-12
+    assert few < likelihood.expansions - few
+
+
 def test_prior_is_normal_in_the_logarithm():
     prior, step = LogNormal(2.0, 0.5), 1e-6
     for log in (-1.0, 0.3, np.log(2.0), 4.0):

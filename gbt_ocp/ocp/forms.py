@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import product
-from math import factorial
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -89,48 +87,9 @@ class FlatForm:
 
     def node_tables(self, shares: Array) -> dict[str, Array]:
         """What the kernel reads at the nodes of a limit, at these shares of a piece, by name."""
-        powers = (self._problem.period * shares)[:, None] ** np.arange(self._powers)
-        factorials = np.cumprod(np.maximum(np.arange(self._problem.degree + 1), 1))
-        return {"taylor": (powers[:, : len(factorials)] / factorials).ravel(), "powers": powers.ravel()}
-
-    def spread(self, rows: Sequence[int], columns: Sequence[int], *, at_end: bool) -> tuple[ca.SX, ca.SX]:
-        """Symbols of the entries of symmetric matrices over points, and the matrix over the numbers of the piece.
-
-        Each entry of the lower triangles is given as its sums over the points of the piece times s^0, s^1, …, or as it
-        is, of one at the end of the piece. The matrix is given by its lower triangle, row by row.
-        """
-        n, size = self._problem.vehicle.flat_dimension, self._numbers
-        entries = ca.SX.sym("entries", len(rows) * (1 if at_end else self._powers))
-        half: Any = ca.SX.zeros(size, size)
-        for a, (row, column) in enumerate(zip(rows, columns, strict=True)):
-            for i, k in product(self._later(row // n), self._later(column // n)):
-                power = self._problem.period ** (i + k) if at_end else 1.0
-                factor = power / (factorial(i) * factorial(k)) * (0.5 if row == column else 1.0)
-                to, across = self._place(row // n, i) * n + row % n, self._place(column // n, k) * n + column % n
-                half[to, across] += factor * entries[a if at_end else a * self._powers + i + k]
-        matrix = half + half.T
-        return entries, ca.vertcat(*(matrix[row, : row + 1].T for row in range(size)))
-
-    @property
-    def _numbers(self) -> int:
-        """Numbers of a piece."""
-        return (self._problem.degree + 1 + self._problem.remembers) * self._problem.vehicle.flat_dimension
-
-    def _later(self, order: int) -> range:
-        """How many orders above one at a point those are at the beginning of the piece that lead to it."""
-        remembered = self._problem.remembers and order == 3
-        return range(1 if remembered else self._problem.degree + 1 - order)
-
-    def _place(self, order: int, above: int) -> int:
-        """Where the derivative so many orders above one at a point stands in a piece."""
-        joined, remembers = self._problem.joined, self._problem.remembers
-        if remembers and order == 3:
-            return joined
-        return order + above + (remembers and order + above >= joined)
-
-    @property
-    def _powers(self) -> int:
-        return 2 * self._problem.degree + 1
+        orders = np.arange(self._problem.degree + 1)
+        powers = (self._problem.period * shares)[:, None] ** orders
+        return {"taylor": (powers / np.cumprod(np.maximum(orders, 1))).ravel()}
 
     @property
     def depends_on_place(self) -> bool:

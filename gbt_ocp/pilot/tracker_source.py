@@ -14,6 +14,7 @@ from gbt_ocp.ocp.codegen.library import c_texts, kernel_files
 from gbt_ocp.pilot.mixture_source import first_guess_in_c, held_turn_in_c, known_position, mixture_in_c, size_in_c
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
+from gbt_ocp.tracking.gp.tuning import EXACT
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.mixture import MixtureTracker
 from gbt_ocp.tracking.priors import LogNormal
@@ -185,6 +186,7 @@ def _process(tracker: GaussianProcessTracker) -> TrackerInC:
         "spread": np.array([0.0 if one is None else one.log_std for one in priors]),
         "first": first,
         "smooth": smooth,
+        "exact": math.log(EXACT),
         "suspect": tuning.suspect,
     }
     settings = {

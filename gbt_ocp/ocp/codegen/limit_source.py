@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -38,23 +38,6 @@ def nonzeros(matrix: ca.SX) -> tuple[ca.SX, list[int], list[int]]:
     rows, columns = matrix.sparsity().get_triplet()
     values: Any = ca.SX(ca.Sparsity.dense(len(rows), 1), matrix.nz[:]) if rows else ca.SX.zeros(0, 1)
     return values, list(rows), list(columns)
-
-
-class Placing(NamedTuple):
-    """How entries of a lower triangle at a point come into the matrix of a piece: what the kernel reads for that."""
-
-    functions: list[ca.Function]
-    tables: dict[str, Any]
-
-
-def placing_in_c(
-    name: str, form: FlatForm | ShootingForm, rows: list[int], columns: list[int], *, at_end: bool = False
-) -> Placing:
-    """By a function in the flat form; elsewhere the numbers of a point are those of the piece."""
-    if isinstance(form, FlatForm):
-        entries, matrix = form.spread(rows, columns, at_end=at_end)
-        return Placing([c_function(f"{name}_spread", [entries], matrix)], {})
-    return Placing([], {"row": rows, "column": columns})
 
 
 def _sides(constraint: Constraint, shift: Array) -> list[tuple[int, float, float, float]]:
@@ -145,7 +128,6 @@ def limit_in_c(
         c_function(f"{name}_curvature", [place, factors, known], curves),
     ]
     shares, flat = node_shares(grid), isinstance(form, FlatForm)
-    placing = placing_in_c(name, form, curve_rows, curve_columns)
     sides = _sides(constraint, at.shift)
     weights, widths = _penalty(problem, number, limit, [side[0] for side in sides], grid)
     tables: Sequence[tuple[str, str, Any]] = (
@@ -155,24 +137,23 @@ def limit_in_c(
         ("gbt_real", "side_edge", [side[3] for side in sides]),
         ("gbt_real", "side_weight", weights),
         ("gbt_real", "side_width", widths),
+        ("gbt_index", "row", curve_rows),
+        ("gbt_index", "column", curve_columns),
         ("int", "place", np.searchsorted(places, shares)) if flat else ("gbt_real", "share", shares),
-        *(("int", table, entries) for table, entries in placing.tables.items()),
     )
     hard, judged = int(isinstance(limit, HardLimit)), int(problem.judged[number])
     kind = ("GBT_THRUST", "GBT_CERTAIN", "GBT_BELIEVED")[limit_class(problem, constraint)]
-    spread = [function.name() for function in placing.functions]
     nodes = f"{name}_place" if flat else f"{name}_share"
-    last = ", ".join([nodes, *spread, *(f"{name}_{table}" for table in placing.tables)])
     definition = (
         f"    {{{value.numel()}, {len(sides)}, {grid.intervals}, {grid.first}, {len(shares)}, {hard}, {kind},\n"
         f"     {int(grid.given)}, {judged}, {int(grid.steady)}, {int(chained)},\n"
         f"     {name}_side_row, {name}_side_sign, {name}_side_bound,\n"
         f"     {name}_side_edge, {name}_side_weight, {name}_side_width,\n"
         f"     {name}_value, {name}_jacobian, {name}_pull, {name}_push, {name}_curvature,\n"
-        f"     {slopes.numel()}, {len(curve_rows)}, {last}}}"
+        f"     {slopes.numel()}, {len(curve_rows)}, {name}_row, {name}_column, {nodes}}}"
     )
     return LimitInC(
-        functions + placing.functions,
+        functions,
         definition,
         "".join(c_array(kind, f"{name}_{table}", entries) for kind, table, entries in tables),
         value.numel(),

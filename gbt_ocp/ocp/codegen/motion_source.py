@@ -99,7 +99,7 @@ def _pattern(name: str, rows: Sequence[int], columns: Sequence[int]) -> str:
     return "".join(
         [
             f"const int {name}_entries = {len(rows)};\n",
-            c_array("int", f"{name}_row", np.array(rows, dtype=int), const="const"),
-            c_array("int", f"{name}_column", np.array(columns, dtype=int), const="const"),
+            c_array("gbt_index", f"{name}_row", np.array(rows, dtype=int), const="const"),
+            c_array("gbt_index", f"{name}_column", np.array(columns, dtype=int), const="const"),
         ]
     )

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from gbt_ocp.ocp.codegen.expressions import NotGenerableError, c_array, c_function
-from gbt_ocp.ocp.codegen.limit_source import nonzeros, placing_in_c
+from gbt_ocp.ocp.codegen.limit_source import nonzeros
 from gbt_ocp.ocp.codegen.places import placed
 from gbt_ocp.ocp.forms import FlatForm, ShootingForm
 from gbt_ocp.ocp.objective_total import stacked_size
@@ -75,14 +75,12 @@ def objective_in_c(
         c_function("objective_gradient", [point, stacked, weight], gradient),
         c_function("objective_hessian", [point, stacked, weight], hessian),
     ]
-    placing = placing_in_c("objective", form, rows, columns, at_end=True)
-    last = f"{len(rows)}, objective_row, objective_column" if placing.tables else "objective_spread"
-    functions += placing.functions
     text = "".join(
         [
-            *(c_array("int", f"objective_{table}", entries) for table, entries in placing.tables.items()),
+            c_array("gbt_index", "objective_row", rows),
+            c_array("gbt_index", "objective_column", columns),
             "const gbt_objective_functions gbt_objective = {objective_value, objective_gradient, objective_hessian,\n"
-            f"    {last}}};\n",
+            f"    {len(rows)}, objective_row, objective_column}};\n",
         ]
     )
     read: list[int] = []

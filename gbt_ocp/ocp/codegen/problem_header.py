@@ -45,16 +45,15 @@ typedef enum {{ GBT_THRUST, GBT_CERTAIN, GBT_BELIEVED }} gbt_limit_class;
    needs. */
 typedef void (*gbt_function)(const gbt_real *point, const gbt_real *second, const gbt_real *third, gbt_real *out);
 
+/* Row or column of an entry of the lower triangle of a matrix over the numbers of a point. */
+typedef unsigned char gbt_index;
+
 typedef struct {{
     gbt_function value;    /* (point, numbers) -> term of the objective, to be maximised, and what the sums gain */
     gbt_function gradient; /* (point, numbers, worth) -> all entries, of these, each times what it is worth */
     gbt_function hessian;  /* (point, numbers, weight) -> nonzeros of the lower triangle, the same with weights */
-#if GBT_SHOOTING
     int hessian_entries;
-    const int *hessian_row, *hessian_column;
-#else
-    gbt_function spread; /* (entries) -> lower triangle of the matrix of the piece, row by row */
-#endif
+    const gbt_index *hessian_row, *hessian_column;
 }} gbt_objective_functions;
 
 #if GBT_SUMS
@@ -87,13 +86,11 @@ typedef struct {{
     gbt_function curvature;          /* (place, first and second, J) -> Hessian of first'value + J' diag(second) J */
     int jacobian_entries;
     int curvature_entries;           /* of the lower triangle */
+    const gbt_index *curvature_row, *curvature_column;
 #if GBT_SHOOTING
-    const gbt_real *share;           /* of a piece, at each node */
-    const int *curvature_row, *curvature_column;
+    const gbt_real *share; /* of a piece, at each node */
 #else
-    const int *place;                /* of each node, among those of a piece */
-    gbt_function spread;             /* (sums over the nodes of each entry times the powers) -> lower triangle of the
-                                        matrix of the piece, row by row */
+    const int *place; /* of each node, among those of a piece */
 #endif
 }} gbt_limit;
 
@@ -102,8 +99,8 @@ extern const gbt_objective_functions gbt_objective;
 extern const gbt_limit gbt_limits[];
 #if !GBT_SHOOTING
 /* Places in a piece at which limits have nodes, GBT_PLACES / GBT_PIECES: the share of the piece, and s seconds into it
-   GBT_DEGREE + 1 numbers s^k / k! and 2 GBT_DEGREE + 1 numbers s^k. */
-extern const gbt_real gbt_place_share[], gbt_place_taylor[], gbt_place_powers[];
+   GBT_DEGREE + 1 numbers s^k / k!. */
+extern const gbt_real gbt_place_share[], gbt_place_taylor[];
 #endif
 extern const char *const gbt_limit_names[]; /* in the same order */
 extern const gbt_real gbt_thrust_min[GBT_INPUTS], gbt_thrust_max[GBT_INPUTS];
@@ -117,12 +114,14 @@ void gbt_stage(const gbt_real *piece, const gbt_real *second, const gbt_real *th
 void gbt_flow(const gbt_real *piece, const gbt_real *span, const gbt_real *third, gbt_real *state);
 void gbt_flow_slopes(const gbt_real *piece, const gbt_real *span, const gbt_real *third, gbt_real *slopes);
 void gbt_flow_curvature(const gbt_real *piece, const gbt_real *multiplier, const gbt_real *span, gbt_real *entries);
-extern const int gbt_flow_entries, gbt_flow_row[], gbt_flow_column[];
+extern const int gbt_flow_entries;
+extern const gbt_index gbt_flow_row[], gbt_flow_column[];
 #else
 void gbt_stage_slopes(const gbt_real *piece, const gbt_real *second, const gbt_real *third, gbt_real *slopes);
 void gbt_stage_curvature(const gbt_real *piece, const gbt_real *multiplier, const gbt_real *third, gbt_real *entries);
 #endif
-extern const int gbt_stage_entries, gbt_stage_row[], gbt_stage_column[];
+extern const int gbt_stage_entries;
+extern const gbt_index gbt_stage_row[], gbt_stage_column[];
 /* Flat output and its rate at a piece's beginning. */
 void gbt_stage_point(const gbt_real *piece, const gbt_real *second, const gbt_real *third, gbt_real *point);
 /* Inputs of the last resort at its state, GBT_INPUTS; the idle ones, where a cold solve begins; and how far inputs may

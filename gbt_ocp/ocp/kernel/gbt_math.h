@@ -17,6 +17,13 @@
 #define GBT_IN_PRECISION(name) name
 #endif
 
+/* Before a loop of few rounds that is worth its room without counting. */
+#if defined(__GNUC__) && !defined(__clang__) && __GNUC__ >= 8
+#define GBT_UNROLLED _Pragma("GCC unroll 16")
+#else
+#define GBT_UNROLLED
+#endif
+
 #define GBT_INFINITY ((gbt_real)HUGE_VAL)
 
 #define GBT_TURN ((gbt_real)6.283185307179586) /* a full one, in radians */

@@ -14,12 +14,15 @@ static const gbt_real at_end[GBT_DERIVATIVES] = GBT_TAYLOR;
 
 static void point_at(gbt_piece piece, const gbt_real *power, gbt_real *point)
 {
-    for (int o = 0; o < GBT_SEEN - GBT_REMEMBERED; o++)
-        for (int j = 0; j < GBT_FLAT; j++) {
+    for (int j = 0; j < GBT_FLAT; j++) {
+        GBT_UNROLLED
+        for (int o = 0; o < GBT_SEEN - GBT_REMEMBERED; o++) {
             gbt_real value = piece[GBT_ROW(o)][j];
-            for (int k = 1; o + k < GBT_DERIVATIVES; k++) value += power[k] * piece[GBT_ROW(o + k)][j];
+            GBT_UNROLLED
+            for (int k = 1; k < GBT_DERIVATIVES - o; k++) value += power[k] * piece[GBT_ROW(o + k)][j];
             point[o * GBT_FLAT + j] = value;
         }
+    }
 #if GBT_REMEMBERED
     for (int j = 0; j < GBT_FLAT; j++) point[3 * GBT_FLAT + j] = piece[GBT_JOINED][j];
 #endif
@@ -27,13 +30,18 @@ static void point_at(gbt_piece piece, const gbt_real *power, gbt_real *point)
 
 static void add_transposed(const gbt_real *power, const gbt_real *point, gbt_piece piece)
 {
-    for (int l = 0; l < GBT_DERIVATIVES; l++)
-        for (int j = 0; j < GBT_FLAT; j++) {
-            gbt_real value = piece[GBT_ROW(l)][j];
-            for (int o = 0; o < GBT_SEEN - GBT_REMEMBERED && o <= l; o++)
-                value += power[l - o] * point[o * GBT_FLAT + j];
-            piece[GBT_ROW(l)][j] = value;
+    for (int j = 0; j < GBT_FLAT; j++) {
+        gbt_real sum[GBT_DERIVATIVES];
+        GBT_UNROLLED
+        for (int l = 0; l < GBT_DERIVATIVES; l++) sum[l] = piece[GBT_ROW(l)][j];
+        GBT_UNROLLED
+        for (int o = 0; o < GBT_SEEN - GBT_REMEMBERED; o++) {
+            GBT_UNROLLED
+            for (int k = 0; k < GBT_DERIVATIVES - o; k++) sum[o + k] += power[k] * point[o * GBT_FLAT + j];
         }
+        GBT_UNROLLED
+        for (int l = 0; l < GBT_DERIVATIVES; l++) piece[GBT_ROW(l)][j] = sum[l];
+    }
 #if GBT_REMEMBERED
     for (int j = 0; j < GBT_FLAT; j++) piece[GBT_JOINED][j] += point[3 * GBT_FLAT + j];
 #endif
@@ -233,20 +241,17 @@ void gbt_pull_back(const gbt_workspace *work, const gbt_real *sides, gbt_piece o
     gbt_real row[GBT_ROWS], slope[GBT_POINT];
     const gbt_real *jacobian = work->jacobian;
     for (int i = 0; i < work->pieces; i++) {
-        gbt_piece sum = {{0}};
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
             for (int k = 0; k < limit->nodes; k++) {
-                for (int r = 0; r < limit->rows; r++) row[r] = 0;
+                for (int r = 0; r < GBT_ROWS; r++) row[r] = 0;
                 for (int r = 0; r < limit->sides; r++) row[limit->row[r]] += limit->sign[r] * sides[r];
                 limit->pull(jacobian, row, 0, slope);
-                add_transposed(TAYLOR_AT(limit->place[k]), slope, sum);
+                add_transposed(TAYLOR_AT(limit->place[k]), slope, out[i]);
                 sides += limit->sides;
                 jacobian += limit->jacobian_entries;
             }
         }
-        for (int l = 0; l < GBT_ORDERS; l++)
-            for (int j = 0; j < GBT_FLAT; j++) out[i][l][j] += sum[l][j];
     }
 }
 
@@ -270,57 +275,73 @@ void gbt_push_forward(gbt_workspace *work)
 
 #define POWERS (2 * GBT_DEGREE + 1)
 
-/* Curvatures are symmetric matrices over the numbers of a point, of which the entries of the lower triangle are given. All
-   that the piece needs of one is the sum over the points of each entry times s^0, s^1, ...: derivative l at the beginning
-   of the piece is s^(l-o) / (l-o)! of derivative o at a point. */
-static void sum_up(const gbt_limit *limit, gbt_real entry[][GBT_ENTRIES], gbt_real *sums)
-{
-    for (int a = 0; a < limit->curvature_entries; a++) {
-        gbt_real sum[POWERS];
-        for (int d = 0; d < POWERS; d++) sum[d] = 0;
-        for (int k = 0; k < limit->nodes; k++) {
-            const gbt_real own = entry[k][a], *powers = gbt_place_powers + limit->place[k] * POWERS;
-            for (int d = 0; d < POWERS; d++) sum[d] += own * powers[d];
-        }
-        for (int d = 0; d < POWERS; d++) sums[a * POWERS + d] = sum[d];
-    }
-}
+/* Of derivative o at a point: how many from it on at the beginning of the piece lead to it, and where one of them stands. */
+static int later(int o) { return GBT_REMEMBERED && o == 3 ? 1 : GBT_DERIVATIVES - o; }
+static int row_above(int o, int above) { return GBT_REMEMBERED && o == 3 ? GBT_JOINED : GBT_ROW(o + above); }
 
-/* Makes the matrix of a piece symmetric, of which the lower triangle is given row by row. */
-static void fill(const gbt_real *lower, gbt_real matrix[GBT_PIECE][GBT_PIECE])
+/* Curvatures are symmetric matrices over the numbers of a point, of which some entries of the lower triangle are given.
+   Derivative l at the beginning of the piece is s^(l-o) / (l-o)! of derivative o at a point s seconds into it. So all that
+   the matrix of the piece, of which the lower triangle is filled, needs of an entry is its sum over the points times s^0,
+   s^1, ..., as far as there are derivatives. The entry at the next point is a step further than the first. */
+static void add_entry(int row, int column, const gbt_real *first, int step, int points, const gbt_real *seconds,
+                      const gbt_real *over_factorial, gbt_real matrix[GBT_PIECE][GBT_PIECE])
 {
-    for (int a = 0; a < GBT_PIECE; a++)
-        for (int c = 0; c <= a; c++) matrix[a][c] = matrix[c][a] = *lower++;
+    const int o = row / GBT_FLAT, p = column / GBT_FLAT, up = later(o), across = later(p), count = up + across - 1;
+    gbt_real sum[POWERS], part = first[0];
+    sum[0] = part;
+    for (int d = 1; d < count; d++) sum[d] = part *= seconds[0];
+    for (int k = 1; k < points; k++) {
+        const gbt_real s = seconds[k];
+        part = *(first += step);
+        sum[0] += part;
+        for (int d = 1; d < count; d++) sum[d] += part *= s;
+    }
+    for (int i = 0; i < up; i++) {
+        const int to = row_above(o, i) * GBT_FLAT + row % GBT_FLAT;
+        /* of an entry on the diagonal both sides are one */
+        for (int k = 0; k < (row == column ? i + 1 : across); k++) {
+            const int from = row_above(p, k) * GBT_FLAT + column % GBT_FLAT;
+            part = over_factorial[i] * over_factorial[k] * sum[i + k];
+            matrix[to > from ? to : from][to > from ? from : to] += to == from && row != column ? 2 * part : part;
+        }
+    }
 }
 
 void gbt_assemble(gbt_workspace *work)
 {
+    static const gbt_real period = GBT_PERIOD;
     gbt_real end[GBT_POINT], entry[GBT_NODES_MOST][GBT_ENTRIES], weights[2 * GBT_ROWS], (*place)[GBT_PLACE] = work->place;
-    gbt_real sums[GBT_ENTRIES * POWERS], part[GBT_TRIANGLE], lower[GBT_TRIANGLE];
+    gbt_real seconds[GBT_NODES_MOST], over_factorial[GBT_ORDERS], weight[GBT_TERMS];
     const gbt_real *lambda = work->lambda, *sigma = work->sigma, *jacobian = work->jacobian;
-    gbt_real weight[GBT_TERMS];
-
     for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
+    gbt_taylor(1, over_factorial);
     for (int i = 0; i < work->pieces; i++, place += PLACES) {
+        gbt_real (*matrix)[GBT_PIECE] = work->curvature[i];
+        for (int a = 0; a < GBT_PIECE; a++)
+            for (int c = 0; c <= a; c++) matrix[a][c] = 0;
         point_at(work->piece[i], at_end, end);
         gbt_objective.hessian(end, work->parameters + i * GBT_END_NUMBERS, weight, entry[0]);
-        gbt_objective.spread(entry[0], 0, 0, lower);
+        for (int a = 0; a < gbt_objective.hessian_entries; a++)
+            add_entry(gbt_objective.hessian_row[a], gbt_objective.hessian_column[a], &entry[0][a], 0, 1, &period,
+                      over_factorial, matrix);
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
             for (int k = 0; k < limit->nodes; k++) {
-                for (int r = 0; r < 2 * limit->rows; r++) weights[r] = 0;
+                for (int r = 0; r < 2 * GBT_ROWS; r++) weights[r] = 0;
                 for (int r = 0; r < limit->sides; r++) {
                     weights[limit->row[r]] += limit->sign[r] * *lambda++;
                     weights[limit->rows + limit->row[r]] += *sigma++;
                 }
                 limit->curvature(place[limit->place[k]], weights, jacobian, entry[k]);
+                seconds[k] = TAYLOR_AT(limit->place[k])[1];
                 jacobian += limit->jacobian_entries;
             }
-            sum_up(limit, entry, sums);
-            limit->spread(sums, 0, 0, part);
-            for (int a = 0; a < GBT_TRIANGLE; a++) lower[a] += part[a];
+            for (int a = 0; a < limit->curvature_entries; a++)
+                add_entry(limit->curvature_row[a], limit->curvature_column[a], &entry[0][a], GBT_ENTRIES, limit->nodes,
+                          seconds, over_factorial, matrix);
         }
-        fill(lower, work->curvature[i]);
+        for (int a = 0; a < GBT_PIECE; a++)
+            for (int c = 0; c < a; c++) matrix[c][a] = matrix[a][c];
     }
 }
 

@@ -205,7 +205,7 @@ void gbt_push_forward(gbt_workspace *work)
 }
 
 /* Adds entries of a lower triangle to that of a matrix. */
-static void add(const gbt_real *entry, int entries, const int *rows, const int *columns,
+static void add(const gbt_real *entry, int entries, const gbt_index *rows, const gbt_index *columns,
                 gbt_real matrix[GBT_PIECE][GBT_PIECE])
 {
     for (int a = 0; a < entries; a++) matrix[rows[a]][columns[a]] += entry[a];

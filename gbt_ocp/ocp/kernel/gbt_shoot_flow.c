@@ -121,7 +121,7 @@ static void square_through(gbt_real slopes[GBT_LAST][GBT_PIECE], gbt_real matrix
 }
 
 /* Adds entries of a lower triangle to a symmetric matrix. */
-static void add_both(const gbt_real *entry, int entries, const int *rows, const int *columns,
+static void add_both(const gbt_real *entry, int entries, const gbt_index *rows, const gbt_index *columns,
                      gbt_real matrix[GBT_PIECE][GBT_PIECE])
 {
     for (int e = 0; e < entries; e++) {

@@ -29,7 +29,6 @@ typedef gbt_real gbt_piece[GBT_PIECE];
 #define GBT_MOTION (GBT_JOINED * GBT_FLAT)    /* the continuous derivatives, */
 #define GBT_STATE (GBT_MOTION + GBT_REMEMBERED * GBT_FLAT) /* and all that a piece inherits from the one before */
 #define GBT_FREE (GBT_PIECE - GBT_STATE)      /* those above them, up to the L-th: what is free in a piece */
-#define GBT_TRIANGLE (GBT_PIECE * (GBT_PIECE + 1) / 2) /* entries of a triangle of a matrix of that size */
 #define GBT_POINT (GBT_SEEN * GBT_FLAT)       /* z, its rate, its acceleration at one time, and what is remembered or z's next derivative */
 #define GBT_ROWS_OF_PIECES GBT_PIECES
 typedef gbt_real gbt_piece[GBT_ORDERS][GBT_FLAT];

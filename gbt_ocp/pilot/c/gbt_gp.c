@@ -105,36 +105,34 @@ static void condition(const gbt_gp *process, const gbt_gp_settings *settings, gb
     rows_of(process, &of->rows);
     of->variance = gbt_exp(2 * process->log_theta[GBT_SHAPES]);
     of->sound = conditioned(process, settings, of);
-    for (int i = 0; i < of->rows.rows; i++) {
-        gbt_wide rest = gbt_widen(of->rows.value[i]);
-        for (int k = 0; k < i; k++) rest = gbt_less(rest, of->factor[ROW(i) + k], of->values[k]);
-        of->values[i] = gbt_over(rest, of->factor[ROW(i) + i]);
-    }
+    gbt_gp_whiten(&of->rows, of->factor, of->values);
 }
 
 /* The mean and the covariance at a time. */
 static void predict(const gbt_gp *process, const gbt_gp_posterior *of, double time, gbt_real *mean, gbt_real *covariance)
 {
-    gbt_wide cross[R][D];
+    gbt_wide cross[D][R];
     const int n = of->rows.rows;
+    const gbt_gp_shape shape = gbt_gp_shape_of(process->log_theta);
     const gbt_wide now = gbt_widen_double(time - of->rows.zero);
     for (int i = 0; i < n; i++) {
         const gbt_wide lag = gbt_plus(of->rows.time[i], gbt_negative(now));
-        const gbt_wide k = gbt_times(gbt_widen(of->variance), gbt_gp_kernel(lag, process->log_theta, 0));
+        const gbt_wide k = gbt_times(gbt_widen(of->variance), gbt_gp_kernel(lag, &shape, 0));
         for (int a = 0; a < D; a++) {
+            const gbt_wide *row = of->factor + ROW(i);
             gbt_wide rest = gbt_times(k, gbt_widen(of->rows.direction[i][a]));
-            for (int j = 0; j < i; j++) rest = gbt_less(rest, of->factor[ROW(i) + j], cross[j][a]);
-            cross[i][a] = gbt_over(rest, of->factor[ROW(i) + i]);
+            for (int j = 0; j < i; j++) rest = gbt_less(rest, row[j], cross[a][j]);
+            cross[a][i] = gbt_times(rest, row[i]);
         }
     }
     for (int a = 0; a < D; a++) {
         gbt_wide sum = gbt_widen(process->centre[a]);
-        for (int i = 0; i < n; i++) sum = gbt_more(sum, cross[i][a], of->values[i]);
+        for (int i = 0; i < n; i++) sum = gbt_more(sum, cross[a][i], of->values[i]);
         mean[a] = of->sound ? gbt_narrow(sum) : (gbt_real)NAN;
-        for (int b = 0; b < D; b++) {
+        for (int b = 0; b <= a; b++) {
             gbt_wide rest = gbt_widen(a == b ? of->variance : 0);
-            for (int i = 0; i < n; i++) rest = gbt_less(rest, cross[i][a], cross[i][b]);
-            covariance[a * D + b] = gbt_narrow(rest);
+            for (int i = 0; i < n; i++) rest = gbt_less(rest, cross[a][i], cross[b][i]);
+            covariance[a * D + b] = covariance[b * D + a] = gbt_narrow(rest);
         }
     }
 }

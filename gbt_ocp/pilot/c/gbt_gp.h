@@ -40,7 +40,8 @@ typedef struct {
     gbt_real log_theta[GBT_TUNABLE];
 } gbt_gp;
 
-/* A posterior: the rows, the factor of their covariance, L^-1 times their values, and the prior variance. */
+/* A posterior: the rows, the factor of their covariance as gbt_factor leaves it, L^-1 times their values, and the prior
+   variance. */
 typedef struct {
     gbt_gp_rows rows;
     int sound, raised; /* whether there is one; how often the nugget was multiplied by ten for it */

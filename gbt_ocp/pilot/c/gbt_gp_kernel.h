@@ -9,10 +9,22 @@ GBT_BEGIN_C
 
 enum { GBT_SE = 0, GBT_MATERN32 = 1, GBT_MATERN52 = 2, GBT_RQ = 3 };
 
-/* k at a lag in seconds, and its derivatives by the logarithms of its GBT_SHAPES parameters; slopes may be 0. */
-static inline gbt_wide gbt_gp_kernel(gbt_wide lag, const gbt_real *log_parameters, gbt_wide *slopes)
+/* 1 over the length scale, and alpha of the rational quadratic: once for all lags. */
+typedef struct {
+    gbt_wide number[GBT_SHAPES];
+} gbt_gp_shape;
+
+static inline gbt_gp_shape gbt_gp_shape_of(const gbt_real *log_parameters)
 {
-    const gbt_wide scaled = gbt_times(lag, gbt_widen(gbt_exp(-log_parameters[0]))), square = gbt_times(scaled, scaled);
+    gbt_gp_shape shape;
+    for (int s = 0; s < GBT_SHAPES; s++) shape.number[s] = gbt_widen(gbt_exp(s == 0 ? -log_parameters[s] : log_parameters[s]));
+    return shape;
+}
+
+/* k at a lag in seconds, and its derivatives by the logarithms of its GBT_SHAPES parameters; slopes may be 0. */
+static inline gbt_wide gbt_gp_kernel(gbt_wide lag, const gbt_gp_shape *shape, gbt_wide *slopes)
+{
+    const gbt_wide scaled = gbt_times(lag, shape->number[0]), square = gbt_times(scaled, scaled);
     gbt_wide value, slope;
 #if GBT_KERNEL == 0
     value = gbt_wide_exp(gbt_times(gbt_widen((gbt_real)-0.5), square));
@@ -27,7 +39,7 @@ static inline gbt_wide gbt_gp_kernel(gbt_wide lag, const gbt_real *log_parameter
     value = gbt_times(gbt_plus(grown, third), decay);
     slope = gbt_times(gbt_times(third, grown), decay);
 #else
-    const gbt_wide alpha = gbt_widen(gbt_exp(log_parameters[1])), one = gbt_widen(1);
+    const gbt_wide alpha = shape->number[1], one = gbt_widen(1);
     const gbt_wide grown = gbt_over(square, gbt_times(gbt_widen(2), alpha)), log_base = gbt_wide_log1p(grown);
     const gbt_wide share = gbt_over(grown, gbt_plus(one, grown));
     value = gbt_wide_exp(gbt_negative(gbt_times(alpha, log_base)));

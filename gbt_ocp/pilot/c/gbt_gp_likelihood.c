@@ -12,8 +12,10 @@
 #define SMALLEST_FALL ((gbt_real)0.02)             /* of the gradient, over what was expected, that tells of curvature */
 #define GAIN ((gbt_real)1e-5)                      /* expected gain below which a search stops */
 #ifdef GBT_SINGLE
+#define ROUNDING ((gbt_real)7.1e-15) /* of the likelihood, times the nugget */
 #define LEAST_LOG_NUGGET ((gbt_real)-30.6) /* 5e-14, about the rounding of a covariance in gbt_wide */
 #else
+#define ROUNDING ((gbt_real)2.2e-16)
 #define LEAST_LOG_NUGGET (-GBT_INFINITY)
 #endif
 #define LOG_TWO_PI ((gbt_real)1.8378770664093453)
@@ -22,18 +24,6 @@
 typedef struct {
     gbt_real value, gradient[P], information[P][P];
 } expansion;
-
-int gbt_factor(gbt_wide *lower, int n)
-{
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j <= i; j++) {
-            gbt_wide rest = lower[ROW(i) + j];
-            for (int k = 0; k < j; k++) rest = gbt_less(rest, lower[ROW(i) + k], lower[ROW(j) + k]);
-            if (j == i && !(gbt_narrow(rest) > 0 && isfinite(gbt_narrow(rest)))) return 0;
-            lower[ROW(i) + j] = j == i ? gbt_root(rest) : gbt_over(rest, lower[ROW(j) + j]);
-        }
-    return 1;
-}
 
 /* The lower bound of a parameter: below the least nugget, rounding of the covariance is taken for motion. */
 static gbt_real low_of(const gbt_tuning *tuning, int p)
@@ -64,56 +54,41 @@ void gbt_gp_covariance(const gbt_gp_rows *rows, const gbt_real *log_theta, gbt_r
                        gbt_wide slopes[GBT_SHAPES][GBT_PACKED])
 {
     const gbt_real variance = gbt_exp(2 * log_theta[GBT_SHAPES]);
+    const gbt_gp_shape shape = gbt_gp_shape_of(log_theta);
     for (int i = 0; i < rows->rows; i++) {
+        gbt_wide k = gbt_widen(0), along[GBT_SHAPES] = {gbt_widen(0)};
         for (int j = 0; j <= i; j++) {
-            gbt_wide along[GBT_SHAPES];
             const gbt_wide gram = gram_of(rows, i, j, variance);
-            omega[ROW(i) + j] = gbt_times(gram, gbt_gp_kernel(lag_of(rows, i, j), log_theta, slopes ? along : 0));
+            /* rows of one time have one lag */
+            if (j == 0 || gbt_narrow(lag_of(rows, j, j - 1)) != 0)
+                k = gbt_gp_kernel(lag_of(rows, i, j), &shape, slopes ? along : 0);
+            omega[ROW(i) + j] = gbt_times(gram, k);
             for (int s = 0; slopes && s < GBT_SHAPES; s++) slopes[s][ROW(i) + j] = gbt_times(gram, along[s]);
         }
         omega[ROW(i) + i] = gbt_plus(omega[ROW(i) + i], gbt_widen(variance * nugget + rows->variance[i]));
     }
 }
 
-/* The inverse of a lower factor, in its place: an entry is read for the last time where its own is written. */
-static void invert_lower(gbt_wide *lower, int n)
+void gbt_gp_whiten(const gbt_gp_rows *rows, const gbt_wide *factor, gbt_wide *whitened)
 {
-    for (int j = 0; j < n; j++)
-        for (int i = j; i < n; i++) {
-            gbt_wide rest = gbt_widen(i == j);
-            for (int k = j; k < i; k++) rest = gbt_less(rest, lower[ROW(i) + k], lower[ROW(k) + j]);
-            lower[ROW(i) + j] = gbt_over(rest, lower[ROW(i) + i]);
-        }
-}
-
-/* a = L^-1 a L^-T, symmetric, in its place: the last row first, which needs none after it. */
-static void whiten(const gbt_wide *inverse, int n, gbt_wide *a)
-{
-    gbt_wide half[R];
-    for (int i = n - 1; i >= 0; i--) {
-        for (int j = 0; j <= i; j++) {
-            half[j] = gbt_widen(0);
-            for (int k = 0; k <= i; k++)
-                half[j] = gbt_more(half[j], inverse[ROW(i) + k], a[k >= j ? ROW(k) + j : ROW(j) + k]);
-        }
-        for (int j = 0; j <= i; j++) {
-            gbt_wide sum = gbt_widen(0);
-            for (int k = 0; k <= j; k++) sum = gbt_more(sum, half[k], inverse[ROW(j) + k]);
-            a[ROW(i) + j] = sum;
-        }
+    for (int i = 0; i < rows->rows; i++) {
+        const gbt_wide *row = factor + ROW(i);
+        gbt_wide rest = gbt_widen(rows->value[i]);
+        for (int k = 0; k < i; k++) rest = gbt_less(rest, row[k], whitened[k]);
+        whitened[i] = gbt_times(rest, row[i]);
     }
 }
 
-/* The same of a diagonal: of one number, or of the rows' own variances. */
-static void whiten_diagonal(const gbt_wide *inverse, int n, const gbt_real *diagonal, int step, gbt_wide *a)
+/* L^-1 V L^-T of the rows' own variances V, which the last GBT_DIMENSION rows have: the triangle of these rows. */
+static void whiten_variances(const gbt_wide *inverse, const gbt_gp_rows *rows, gbt_wide *a)
 {
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j <= i; j++) {
+    const int first = rows->rows - GBT_DIMENSION;
+    for (int i = first; i < rows->rows; i++)
+        for (int j = first; j <= i; j++) {
             gbt_wide sum = gbt_widen(0);
-            for (int k = 0; k <= j; k++)
-                if (diagonal[k * step] > 0)
-                    sum = gbt_more(sum, inverse[ROW(i) + k], gbt_times(gbt_widen(diagonal[k * step]), inverse[ROW(j) + k]));
-            a[ROW(i) + j] = sum;
+            for (int k = first; k <= j; k++)
+                sum = gbt_more(sum, inverse[ROW(i) + k], gbt_times(gbt_widen(rows->variance[k]), inverse[ROW(j) + k]));
+            a[ROW(i - first) + j - first] = sum;
         }
 }
 
@@ -126,50 +101,55 @@ static gbt_real turn_of(int parameter, int expanded)
     return expanded == GBT_SHAPES;
 }
 
-/* 0 where the covariance has no Cholesky factor. */
+/* How many deviations a parameter is above its prior median; 0 where it has no prior. */
+static gbt_real excess_of(const gbt_tuning *tuning, const gbt_real *log_theta, int p)
+{
+    return tuning->spread[p] > 0 ? (log_theta[p] - tuning->median[p]) / tuning->spread[p] : 0;
+}
+
+static gbt_real prior_of(const gbt_tuning *tuning, const gbt_real *log_theta)
+{
+    gbt_real value = 0;
+    for (int p = 0; p < P; p++) value -= excess_of(tuning, log_theta, p) * excess_of(tuning, log_theta, p) / 2;
+    return value;
+}
+
+/* Returns 0 where the covariance has no Cholesky factor, and where likelihood times priors is not above what is asked for:
+   nothing more is then computed than that. */
 static int expand(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_gp_tuning_work *work, const gbt_real *log_theta,
-                  expansion *out)
+                  gbt_real least, expansion *out)
 {
     enum { Q = SLOPES + 1 };
-    gbt_wide *inverse = work->inverse, (*slope)[GBT_PACKED] = work->slope;
-    gbt_real whitened[R], gradient[Q], information[Q][Q];
+    gbt_wide *inverse = work->inverse, whitened[R];
+    gbt_real square = 0, gradient[Q], information[Q][Q];
+    gbt_block slope[SLOPES];
     const int n = rows->rows;
     const gbt_real nugget = nugget_of(tuning, log_theta), noise = gbt_exp(2 * log_theta[GBT_SHAPES]) * nugget;
-    gbt_real square = 0;
-    gbt_gp_covariance(rows, log_theta, nugget, inverse, slope);
+    gbt_gp_covariance(rows, log_theta, nugget, inverse, work->slope);
     if (!gbt_factor(inverse, n)) return 0;
-    invert_lower(inverse, n);
-    out->value = (gbt_real)-0.5 * (gbt_real)n * LOG_TWO_PI;
+    gbt_gp_whiten(rows, inverse, whitened);
+    out->value = prior_of(tuning, log_theta) - (gbt_real)0.5 * (gbt_real)n * LOG_TWO_PI;
     for (int i = 0; i < n; i++) {
-        gbt_wide sum = gbt_widen(0);
-        for (int k = 0; k <= i; k++) sum = gbt_more(sum, inverse[ROW(i) + k], gbt_widen(rows->value[k]));
-        whitened[i] = gbt_narrow(sum);
-        square += whitened[i] * whitened[i];
+        square += gbt_narrow(whitened[i]) * gbt_narrow(whitened[i]);
         out->value += gbt_log(gbt_narrow(inverse[ROW(i) + i]));
     }
     out->value -= square / 2;
-    for (int s = 0; s < SLOPES; s++) {
-        gbt_real along = 0, trace = 0;
+    if (!(out->value > least)) return 0;
+    gbt_invert_factor(inverse, n);
+    for (int s = 0; s < SLOPES - 1; s++) {
         if (s < GBT_SHAPES)
-            whiten(inverse, n, slope[s]);
-        else if (s < SLOPES - 1)
-            whiten_diagonal(inverse, n, &noise, 0, slope[s]);
+            gbt_whiten_symmetric(inverse, n, work->slope[s]);
         else
-            whiten_diagonal(inverse, n, rows->variance, 1, slope[s]);
-        for (int i = 0; i < n; i++) {
-            trace += gbt_narrow(slope[s][ROW(i) + i]);
-            for (int j = 0; j <= i; j++)
-                along += (i == j ? 1 : 2) * whitened[i] * gbt_narrow(slope[s][ROW(i) + j]) * whitened[j];
-        }
-        gradient[s] = (along - trace) / 2;
+            gbt_whiten_identity(inverse, n, noise, work->slope[s]);
+        slope[s] = (gbt_block){work->slope[s], 0, n};
+    }
+    slope[SLOPES - 1] = (gbt_block){work->own, n - GBT_DIMENSION, rows->noisy ? GBT_DIMENSION : 0};
+    if (rows->noisy) whiten_variances(inverse, rows, work->own);
+    for (int s = 0; s < SLOPES; s++) {
+        const gbt_real trace = gbt_trace(slope[s]);
+        gradient[s] = (gbt_form_of(slope[s], whitened) - trace) / 2;
         information[s][Q - 1] = information[Q - 1][s] = trace / 2;
-        for (int q = 0; q <= s; q++) {
-            gbt_real sum = 0;
-            for (int i = 0; i < n; i++)
-                for (int j = 0; j <= i; j++)
-                    sum += (i == j ? 1 : 2) * gbt_narrow(slope[s][ROW(i) + j]) * gbt_narrow(slope[q][ROW(i) + j]);
-            information[s][q] = information[q][s] = sum / 2;
-        }
+        for (int q = 0; q <= s; q++) information[s][q] = information[q][s] = gbt_trace_of_product(slope[s], slope[q]) / 2;
     }
     gradient[Q - 1] = (square - (gbt_real)n) / 2;
     information[Q - 1][Q - 1] = (gbt_real)n / 2;
@@ -182,9 +162,7 @@ static int expand(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_gp_tuni
                 for (int b = 0; b < Q; b++) out->information[p][q] += turn_of(p, a) * information[a][b] * turn_of(q, b);
         }
         if (!(tuning->spread[p] > 0)) continue;
-        const gbt_real excess = (log_theta[p] - tuning->median[p]) / tuning->spread[p];
-        out->value -= excess * excess / 2;
-        out->gradient[p] -= excess / tuning->spread[p];
+        out->gradient[p] -= excess_of(tuning, log_theta, p) / tuning->spread[p];
         out->information[p][p] += 1 / (tuning->spread[p] * tuning->spread[p]);
     }
     return 1;
@@ -238,16 +216,19 @@ static void correct(gbt_real correction[P][P], gbt_real information[P][P], const
                 fell ? correction[p][q] + fall[p] * (fall[q] / found) - expected[p] * (expected[q] / known) : 0;
 }
 
-/* The log theta that maximises likelihood times priors within bounds, from a start, by Fisher scoring. */
-static void maximise(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_gp_tuning_work *work, gbt_real *theta)
+/* The log theta that maximises likelihood times priors within bounds, from a start, by Fisher scoring, as long as the
+   logarithm of the nugget is above the least of interest. Returns what the likelihood times priors is there. */
+static gbt_real maximise(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_gp_tuning_work *work, gbt_real least_log_nugget,
+                         gbt_real *theta)
 {
     expansion here, there;
     gbt_real damping = 0, correction[P][P] = {{0}}, sum[P][P], step[P], trial[P], fall[P];
     for (int p = 0; p < P; p++) theta[p] = gbt_fmin(gbt_fmax(theta[p], low_of(tuning, p)), tuning->high[p]);
-    if (!expand(tuning, rows, work, theta, &here)) return;
+    if (!expand(tuning, rows, work, theta, -GBT_INFINITY, &here)) return -GBT_INFINITY;
     for (int k = 0; k < EVALUATIONS; k++) {
         int free[P], some = 0;
         gbt_real steepest = 0;
+        const gbt_real nugget = nugget_of(tuning, theta), gain = GAIN + ROUNDING / nugget;
         for (int p = 0; p < P; p++) {
             /* what the gradient would push through its bound stays there */
             free[p] = tuning->high[p] > low_of(tuning, p) && (theta[p] > low_of(tuning, p) || here.gradient[p] > 0) &&
@@ -256,13 +237,13 @@ static void maximise(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_gp_t
             if (free[p]) steepest = gbt_fmax(steepest, here.information[p][p]);
             for (int q = 0; q < P; q++) sum[p][q] = here.information[p][q] + correction[p][q];
         }
-        if (!some) return;
+        if (!some || (GBT_TUNED_NUGGET && theta[P - 1] < least_log_nugget)) break;
         /* the Fisher information has the last word: a correction from few steps may be wrong elsewhere */
-        if (scoring_step(sum, here.gradient, free, damping, step) < GAIN &&
-            scoring_step(here.information, here.gradient, free, damping, step) < GAIN)
-            return;
+        if (scoring_step(sum, here.gradient, free, damping, step) < gain &&
+            scoring_step(here.information, here.gradient, free, damping, step) < gain)
+            break;
         for (int p = 0; p < P; p++) trial[p] = gbt_fmin(gbt_fmax(theta[p] + step[p], low_of(tuning, p)), tuning->high[p]);
-        if (expand(tuning, rows, work, trial, &there) && there.value > here.value) {
+        if (expand(tuning, rows, work, trial, here.value, &there)) {
             for (int p = 0; p < P; p++) {
                 step[p] = trial[p] - theta[p];
                 fall[p] = here.gradient[p] - there.gradient[p];
@@ -277,21 +258,19 @@ static void maximise(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_gp_t
             damping = gbt_fmax(4 * damping, (gbt_real)0.3 * steepest);
         }
     }
+    return here.value;
 }
 
 void gbt_gp_tune(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_gp_tuning_work *work, gbt_real *log_theta)
 {
     gbt_real smooth[P];
-    expansion here, there;
     int some = 0;
     for (int p = 0; p < P; p++) some = some || tuning->high[p] > low_of(tuning, p);
     if (!some) return;
-    maximise(tuning, rows, work, log_theta);
+    const gbt_real found = maximise(tuning, rows, work, -GBT_INFINITY, log_theta);
     if (!GBT_TUNED_NUGGET || log_theta[0] > tuning->suspect) return;
     /* Noise can be taken for a motion that jitters, and no local search leaves that: try the other start too. */
     for (int p = 0; p < P; p++) smooth[p] = tuning->smooth[p];
-    maximise(tuning, rows, work, smooth);
-    if (!expand(tuning, rows, work, smooth, &there)) return;
-    if (expand(tuning, rows, work, log_theta, &here) && here.value >= there.value) return;
+    if (!(maximise(tuning, rows, work, tuning->exact, smooth) > found)) return;
     for (int p = 0; p < P; p++) log_theta[p] = smooth[p];
 }

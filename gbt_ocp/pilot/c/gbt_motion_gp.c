@@ -89,7 +89,7 @@ static int estimate(gbt_motion_gp *process, const gbt_motion_gp_settings *settin
     process->now = now;
     for (int k = 0; k < D; k++) process->own[k] = own[k];
     gbt_shape_fit(&settings->prior, &settings->noise, &work->seen, work->fitted, hypotheses * T, settings->iterations,
-                  &work->normal);
+                  &work->walk, &work->normal);
     process->estimates++;
     /* at every estimate while it is open where the target is, now and then afterwards */
     if (hypotheses == 0 || process->unfit || process->estimates % EVERY == 0 || process->open)

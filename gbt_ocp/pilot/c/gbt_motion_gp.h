@@ -65,6 +65,7 @@ typedef struct {
 /* What an estimate works on. */
 typedef struct {
     gbt_seen seen;
+    gbt_walk walk;
     gbt_normal normal;
     gbt_fitted cold[GBT_STARTS];
     gbt_fitted fitted[2 * GBT_MOTIONS];

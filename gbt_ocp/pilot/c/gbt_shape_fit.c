@@ -82,16 +82,15 @@ static void note_ranges(gbt_walk *on, const gbt_shape_prior *prior, gbt_fitted *
 #endif
 
 void gbt_shape_fit(const gbt_shape_prior *prior, const gbt_shape_noise *noise, const gbt_seen *seen, gbt_fitted *fitted,
-                   int count, int iterations, gbt_normal *normal)
+                   int count, int iterations, gbt_walk *on, gbt_normal *normal)
 {
-    gbt_walk on;
-    on.noise = noise;
-    on.seen = seen;
+    on->noise = noise;
+    on->seen = seen;
     for (int b = 0; b < count; b++) {
 #if GBT_OWN_NOISE
-        note_ranges(&on, prior, &fitted[b]);
+        note_ranges(on, prior, &fitted[b]);
 #endif
-        newton(&on, prior, &fitted[b], normal);
+        newton(on, prior, &fitted[b], normal);
     }
     for (int taken = 0; taken < iterations; taken++) {
         gbt_real most = 0;
@@ -100,12 +99,12 @@ void gbt_shape_fit(const gbt_shape_prior *prior, const gbt_shape_noise *noise, c
         for (int b = 0; b < count; b++) {
             gbt_motion candidate;
             gbt_motion_move(&fitted[b].at, fitted[b].step, &candidate);
-            on.range = ranges_of(&fitted[b]);
-            on.normal = 0;
-            gbt_walk_along(&on, prior, &candidate);
-            if (on.objective <= fitted[b].objective + (gbt_real)1e-9) {
+            on->range = ranges_of(&fitted[b]);
+            on->normal = 0;
+            gbt_walk_along(on, prior, &candidate);
+            if (on->objective <= fitted[b].objective + (gbt_real)1e-9) {
                 fitted[b].at = candidate;
-                newton(&on, prior, &fitted[b], normal);
+                newton(on, prior, &fitted[b], normal);
             } else {
                 for (int j = 0; j < N; j++) fitted[b].step[j] /= 4;
             }
@@ -124,13 +123,12 @@ void gbt_shape_fit(const gbt_shape_prior *prior, const gbt_shape_noise *noise, c
 }
 
 void gbt_shape_factor(const gbt_shape_prior *prior, const gbt_shape_noise *noise, const gbt_seen *seen,
-                      const gbt_fitted *fitted, gbt_normal *normal)
+                      const gbt_fitted *fitted, gbt_walk *on, gbt_normal *normal)
 {
-    gbt_walk on;
-    on.noise = noise;
-    on.seen = seen;
-    on.range = ranges_of(fitted);
-    on.normal = normal;
-    gbt_walk_along(&on, prior, &fitted->at);
+    on->noise = noise;
+    on->seen = seen;
+    on->range = ranges_of(fitted);
+    on->normal = normal;
+    gbt_walk_along(on, prior, &fitted->at);
     gbt_factor_lower(normal->precision, N);
 }

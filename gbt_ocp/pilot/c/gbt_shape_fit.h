@@ -21,13 +21,13 @@ typedef struct {
 #endif
 } gbt_fitted;
 
-/* Fits `count` motions at once, until all have settled; each begins at `at`. */
+/* Fits `count` motions at once, until all have settled; each begins at `at`. Works on a walk. */
 void gbt_shape_fit(const gbt_shape_prior *prior, const gbt_shape_noise *noise, const gbt_seen *seen, gbt_fitted *fitted,
-                   int count, int iterations, gbt_normal *normal);
+                   int count, int iterations, gbt_walk *on, gbt_normal *normal);
 
 /* The factor of the precision of a fitted motion. */
 void gbt_shape_factor(const gbt_shape_prior *prior, const gbt_shape_noise *noise, const gbt_seen *seen,
-                      const gbt_fitted *fitted, gbt_normal *normal);
+                      const gbt_fitted *fitted, gbt_walk *on, gbt_normal *normal);
 
 GBT_END_C
 

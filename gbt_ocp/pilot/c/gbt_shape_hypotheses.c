@@ -57,7 +57,8 @@ int gbt_hypotheses_compete(const gbt_motion_gp_settings *settings, gbt_motion_gp
     int order[GBT_STARTS], chosen[GBT_HYPOTHESES], fresh = 0;
     gbt_real standard = -GBT_INFINITY;
     for (int k = 0; k < GBT_STARTS; k++) cold_start(&settings->prior, &work->seen, settings->starts[k], &cold[k].at);
-    gbt_shape_fit(&settings->prior, &settings->noise, &work->seen, cold, GBT_STARTS, COLD_ITERATIONS, &work->normal);
+    gbt_shape_fit(&settings->prior, &settings->noise, &work->seen, cold, GBT_STARTS, COLD_ITERATIONS, &work->walk,
+                  &work->normal);
     for (int k = 0; k < GBT_STARTS; k++) {
         int place = k;
         for (; place > 0 && cold[order[place - 1]].log_evidence < cold[k].log_evidence; place--)
@@ -83,7 +84,7 @@ int gbt_hypotheses_compete(const gbt_motion_gp_settings *settings, gbt_motion_gp
         }
     }
     gbt_shape_fit(&settings->prior, &settings->noise, &work->seen, &fitted[hypotheses * T], fresh * T,
-                  settings->iterations, &work->normal);
+                  settings->iterations, &work->walk, &work->normal);
     return hypotheses + fresh;
 }
 
@@ -156,26 +157,26 @@ static void add_moments(const gbt_motion_gp_settings *settings, gbt_motion_gp_wo
 {
     gbt_motion mode;
     gbt_course course;
-    gbt_slopes slopes;
+    gbt_slopes *slopes = &work->walk.slopes; /* free again once the walk has left its factor */
     gbt_real rows[2 * D][N + GBT_BEYOND], both[2 * D], joint[2 * D * 2 * D], spread[D * D], *row[2 * D];
     for (int i = 0; i < 2 * D; i++) row[i] = rows[i];
-    gbt_shape_factor(&settings->prior, &settings->noise, &work->seen, fitted, &work->normal);
+    gbt_shape_factor(&settings->prior, &settings->noise, &work->seen, fitted, &work->walk, &work->normal);
     mode_of(fitted, &mode);
-    gbt_course_begin(&course, &slopes, &settings->prior, &mode, 0);
+    gbt_course_begin(&course, slopes, &settings->prior, &mode, 0);
     for (int k = 0; k < 2; k++) {
-        if (k > 0) gbt_course_next(&course, &slopes, &settings->prior, &mode);
+        if (k > 0) gbt_course_next(&course, slopes, &settings->prior, &mode);
         for (int i = 0; i < D; i++) {
             both[k * D + i] = course.position[i];
-            for (int j = 0; j < N; j++) rows[k * D + i][j] = j < slopes.active ? slopes.here[i][j] : 0;
+            for (int j = 0; j < N; j++) rows[k * D + i][j] = j < slopes->active ? slopes->here[i][j] : 0;
         }
     }
     spread_of(&work->normal, row, 2 * D, joint);
     gbt_mix(process->position[0], process->covariance[0], 2 * D, before_all, weight, both, joint);
-    gbt_course_begin(&course, &slopes, &settings->prior, &mode, 1);
+    gbt_course_begin(&course, slopes, &settings->prior, &mode, 1);
     for (int node = 0; node < GBT_NODES_AHEAD; node++) {
-        if (node > 0) gbt_course_next(&course, &slopes, &settings->prior, &mode);
+        if (node > 0) gbt_course_next(&course, slopes, &settings->prior, &mode);
         for (int i = 0; i < D; i++)
-            for (int j = 0; j < N + GBT_BEYOND; j++) rows[i][j] = slopes.here[i][j];
+            for (int j = 0; j < N + GBT_BEYOND; j++) rows[i][j] = slopes->here[i][j];
         spread_of(&work->normal, row, D, spread);
         for (int i = 0; i < D; i++)
             for (int j = 0; j < D; j++)

@@ -185,8 +185,11 @@ class CoregionalizedLikelihood:
         log_kernels = tuple(np.split(parameters[: ends[-1]], ends[:-1]))
         dimension, count = self._directions.shape[1], len(self._kernels)
         weights = self._unit * parameters[ends[-1] : ends[-1] + dimension * count].reshape(dimension, count)
-        nugget = float(np.exp(parameters[-1])) if self._nugget is None else self._nugget
-        return CoregionalizedHyperparameters(log_kernels, weights, nugget)
+        return CoregionalizedHyperparameters(log_kernels, weights, self.nugget(parameters))
+
+    def nugget(self, parameters: Array) -> float:
+        """The nugget of a vector, tuned or not."""
+        return float(np.exp(parameters[-1])) if self._nugget is None else self._nugget
 
     def __call__(self, parameters: Array) -> tuple[float, Array]:
         """Value and gradient by the parameters; see :meth:`expand`."""

@@ -19,6 +19,9 @@ SHORT = -1.0
 NOISY = 1.0e-4
 """Nugget from which the search for a smooth motion with noise starts."""
 
+EXACT = 1.0e-8
+"""Nugget below which that search has left what it was started for: bearings are exact then, or nearly so."""
+
 SHAPE_BOUNDS = (0.05, 100.0)
 """Range of a kernel's further parameters (α of the rational quadratic)."""
 
@@ -115,7 +118,7 @@ class IsotropicTuning:
         if self._nugget is not None or warm[0] > self.suspect:
             return
         # Noise can be taken for a motion that jitters, and no local search leaves that: try the other start too.
-        smooth = maximise(likelihood, self._smooth, self._bounds, self._priors)
+        smooth = maximise(likelihood, self._smooth, self._bounds, self._priors, EXACT)
         self._log_theta = likelier(likelihood, warm, smooth, self._priors)
 
     @property
