@@ -1,9 +1,9 @@
 """At sea, in the plane: noisy bearings to a boat that must not be approached.
 
 The target keeps 1 m/s and turns at rates within ±0.05 rad/s that change every 20 to 40 s. The bearing has a
-standard deviation of 1° at 10 Hz and is missed in 5 % of the samples. The vehicle, at most 4 m/s fast, keeps 30 m away
-with a probability of 99.99 % of its own belief, and 1.5 m more for what its belief does not know, and circles at
-about 37 m; it starts where the range is not known.
+standard deviation of 1° at 10 Hz and is missed in 5 % of the samples. The vehicle, at most 3.4 m/s fast, keeps 30 m
+away with a probability of 99.99 % of its own belief, and 1.5 m more for what its belief does not know, and goes
+forth and back at about 37 m; it starts where the range is not known.
 """
 
 from gbt_ocp.experiments.config.tracking_problem import TrackingProblem
@@ -46,12 +46,12 @@ problem = TrackingProblem(
                 "target_speed_max": 2.0,
                 "spread": "present",
             },
-            "speed": 4.0,
+            "speed": 3.4,
             "yaw_rate_deg": 40.0,
             "nodes": 3,
             "hard": ["range", "speed", "yaw_rate"],
         },
-        "desired_bearing": {"period_s": "auto", "phase": "measured", "reverse_s": 12.0},
+        "desired_bearing": {"phase": "measured", "speed_mps": 2.7, "reverse_s": 8.0},
         "vehicle": {"kind": "fossen", "start": {"range_m": 40.0}},
     },
 )

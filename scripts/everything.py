@@ -173,7 +173,8 @@ BENCHMARKS = (
     ),
     benchmark(
         "sea_closed_loop",
-        *("sea2d", "sea3d", "sea2d_speed", "sea3d_speed", "--seeds", "20", "--out", f"{OUT}/sea"),
+        *("sea2d", "sea3d", "sea2d_speed", "sea3d_speed", "--trackers", "motion_gp", "ekf", "imm_ekf"),
+        *("--duration", "120", "--seeds", "20", "--out", f"{OUT}/sea"),
     ),
     benchmark(
         "sea_closed_loop",

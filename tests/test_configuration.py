@@ -273,7 +273,7 @@ def test_legs_of_a_slow_vehicle_are_as_long_as_those_of_a_fast_one() -> None:
     assert (fast.guidance.startup_speed, fast.guidance.startup_leg_s, fast.desired_bearing.reverse_s) == (
         3.0,
         8.0,
-        12.0,
+        8.0,
     )
     assert at_once.guidance.startup_speed == 3.0, "it does not cross"
 

@@ -35,7 +35,7 @@ def test_pages_quote_what_there_is_and_no_file_is_unused():
     ("quoted", "says"),
     [
         ("data.no_such.thing", "found no docs/data/no_such.json"),
-        ("data.fig9.no_such", "found no such key; allowed: models"),
+        ("data.fig9.no_such", "found no such key; allowed: coregionalised_and_plain_process"),
         ("data.closed_loop.whole_run[7, allowed]", "found 0 rows and 1 columns"),
         ("data.closed_loop.whole_run[1, no such]", "found 1 rows and 0 columns"),
         ("data.closed_loop.settled[1, worst seed]", "found 1 rows and 3 columns"),

@@ -109,6 +109,9 @@ def test_a_pilot_of_a_torpedo_with_the_default_tracker_compiles_without_a_warnin
 
 KNOWN_BY_INTEGRATION = ("torpedo2d", "torpedo3d", "vessel")
 
+SWEEPS = (("sea2d", 2.7), ("sea2d", "sensor"), ("sea3d", 2.7), ("sea3d", "sensor"))
+"""Desired bearings for a speed of the vehicle, and by the clock."""
+
 LOOPS = [
     ("case2", 30.0, ("tracker.kind=ekf", "sensor.noise_deg=0.5")),
     ("case5", 30.0, ("tracker.kind=ekf", "sensor.noise_deg=0.5")),
@@ -116,6 +119,7 @@ LOOPS = [
     ("sea3d", 300.0, ("tracker.kind=ekf",)),
     ("sea2d", 300.0, ()),
     ("sea3d", 300.0, ()),
+    *((name, 60.0, ("tracker.kind=ekf", f"desired_bearing.speed_mps={speed}")) for name, speed in SWEEPS),
     ("torpedo2d", 120.0, ("tracker.kind=ekf",)),
     ("torpedo3d", 60.0, ("tracker.kind=ekf",)),
     ("torpedo2d", 120.0, ()),

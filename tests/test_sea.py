@@ -117,16 +117,18 @@ def test_the_turn_is_chosen_from_standoff_and_speed_unless_given(dimension):
     configuration = load_config(f"sea{dimension}d")
     vehicle = build_vehicle(configuration)
     speed = reachable_speed(configuration, vehicle)
-    assert speed == pytest.approx(4.0)  # limits.speed; the thrust allows more
-    loop, _ = build_loop(load_config(f"sea{dimension}d", ["planner.pieces=2", "tracker.kind=plkf"]))
+    assert speed == pytest.approx(3.4)  # limits.speed; the thrust allows more
+    by_clock = ["planner.pieces=2", "tracker.kind=plkf", "desired_bearing.speed_mps=sensor"]
+    loop, _ = build_loop(load_config(f"sea{dimension}d", by_clock))
     period = 2.0 * np.pi / loop.desired.rate
     radius = horizontal_radius(dimension, orbit_range(configuration))
-    assert period == pytest.approx(2.0 * np.pi * radius / 3.0)
+    assert period == pytest.approx(2.0 * np.pi * radius / 2.4)
     # the path of a vehicle at that range from a resting target, taken from the desired bearing itself
     t = np.linspace(0.0, period, 4001)
     path = -orbit_range(configuration) * loop.desired(t)
-    assert np.max(np.linalg.norm(np.diff(path, axis=0), axis=1)) / t[1] == pytest.approx(3.0, rel=1e-4)
-    assert load_config("sea2d", ["desired_bearing.period_s=50"]).desired_bearing.period_s == 50.0
+    assert np.max(np.linalg.norm(np.diff(path, axis=0), axis=1)) / t[1] == pytest.approx(2.4, rel=1e-4)
+    given = load_config("sea2d", ["desired_bearing.speed_mps=sensor", "desired_bearing.period_s=50"])
+    assert given.desired_bearing.period_s == 50.0
 
 
 def test_a_standoff_alone_asks_for_a_turn_that_fits_it():
@@ -139,14 +141,15 @@ def test_a_standoff_alone_asks_for_a_turn_that_fits_it():
 
 
 def test_a_turn_that_cannot_be_followed_is_reported_with_numbers():
-    configuration = load_config("sea2d", ["desired_bearing.period_s=30"])
+    by_clock = "desired_bearing.speed_mps=sensor"
+    configuration = load_config("sea2d", [by_clock, "desired_bearing.period_s=30"])
     (line,) = unreachable_bearings(configuration, build_vehicle(configuration))
-    assert "needs 8.96 m/s, the vehicle reaches 4 m/s" in line
-    assert "period_s >= 79.6, or auto" in line
-    for reachable in ("desired_bearing.period_s=79.6", "desired_bearing.period_s=auto"):
-        assert unreachable_bearings(load_config("sea2d", [reachable]), build_vehicle(configuration)) == []
-    with pytest.raises(ValueError, match=r"desired_bearing.target_speed: found 4; allowed: a number < 4 m/s"):
-        build_loop(load_config("sea2d", ["desired_bearing.target_speed=4.0"]))
+    assert "needs 8.96 m/s, the vehicle reaches 3.4 m/s" in line
+    assert "period_s >= 99.5, or auto" in line
+    for reachable in ("desired_bearing.period_s=99.5", "desired_bearing.period_s=auto"):
+        assert unreachable_bearings(load_config("sea2d", [by_clock, reachable]), build_vehicle(configuration)) == []
+    with pytest.raises(ValueError, match=r"desired_bearing.target_speed: found 4; allowed: a number < 3.4 m/s"):
+        build_loop(load_config("sea2d", [by_clock, "desired_bearing.target_speed=4.0"]))
 
 
 @pytest.mark.parametrize(
@@ -228,7 +231,7 @@ def test_the_standoff_is_kept_in_closed_loop(dimension):
     yaw = np.unwrap(run["vehicle_pose"][300:, dimension])  # crossing keeps the limits of thrust only
     assert np.max(np.abs(np.diff(yaw))) / 0.1 < np.deg2rad(40.0) * 1.02
     speed = np.linalg.norm(np.diff(run["vehicle_pose"][:, :dimension], axis=0), axis=1) / 0.1
-    assert speed.max() < 4.0 * 1.02
+    assert speed.max() < 3.4 * 1.02
     # the bearing turns as it should: both ways, and not much slower than it was asked to
     sight = (run["target"] - run["vehicle_pose"][:, :dimension])[400:, :2]
     turned = np.unwrap(np.arctan2(sight[:, 1], sight[:, 0]))
@@ -309,7 +312,7 @@ def test_crossing_leads_away_from_a_target_that_is_believed_too_near():
 
 
 def test_a_turn_that_reverses_is_flown_and_recorded_for_the_generated_code():
-    changes = ["desired_bearing.reverse_s=6", "desired_bearing.period_s=90", "guidance.startup_deviation=0"]
+    changes = ["desired_bearing={reverse_s: 6, period_s: 90, speed_mps: sensor}", "guidance.startup_deviation=0"]
     changes += ["limits.range.margin_m=0", "planner.pieces=10", "vehicle.start.range_m=40", "duration_s=32"]
     changes += [
         "target.speed=0.2",

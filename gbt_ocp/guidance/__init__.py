@@ -16,6 +16,7 @@ from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.standoff import RangeOfHypotheses, ReachableRange
 from gbt_ocp.guidance.startup import CrossFirst
 from gbt_ocp.guidance.strategy import BearingGuidance, Guidance, Placement
+from gbt_ocp.guidance.swept import SweptBearing
 from gbt_ocp.guidance.target_limits import FieldOfView, RangeLimits
 from gbt_ocp.guidance.water import InWater, OverGround
 
@@ -52,6 +53,7 @@ __all__ = [
     "ReachableRange",
     "SaidPath",
     "Static",
+    "SweptBearing",
     "sigma_points",
     "steady_speed",
 ]

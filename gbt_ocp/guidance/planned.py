@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from gbt_ocp.guidance.others import OtherVehicles
 from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.past import PastBearings
-from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.guidance.swept import DesiredTurn, SweptBearing
 from gbt_ocp.models.sizes import at_least
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
@@ -67,7 +67,7 @@ class PlannedMotion:
     def __init__(
         self,
         planner: AnyPlanner | ShootingPlanner,
-        desired: DesiredBearing | PacedBearing,
+        desired: DesiredTurn,
         steps: int = 1,
         *,
         stride: int | None = None,
@@ -176,14 +176,7 @@ class PlannedMotion:
                 solve_time=0.0,
                 tightened=0,
             )
-        line = forecast.mean[0] - flat[0, : forecast.mean.shape[1]]
-        if isinstance(self.desired, PacedBearing):
-            self.desired.pace(time, float(np.linalg.norm(line)))
-        elif self._begin_at_sight:
-            if not self._legs_begun:
-                self._legs_begun = True
-                self.desired = self.desired.reversing_from(time, line, self._relative_velocity(flat, forecast))
-            self.desired = self.desired.beginning_at(time, line)
+        self._turn_desired(time, flat, forecast)
         data = self._data(time, forecast)
         if self._joint is not None:
             data["joint"] = self._joint(self._ends(time))
@@ -194,6 +187,21 @@ class PlannedMotion:
         plan = self.planner.solve(_continued(flat, problem.joined), **data)
         self._plan, self._planned_at = plan, time
         return plan
+
+    def _turn_desired(self, time: float, flat: Array, forecast: Forecast) -> None:
+        """Turn the desired bearing to where a plan begins."""
+        line = forecast.mean[0] - flat[0, : forecast.mean.shape[1]]
+        if isinstance(self.desired, PacedBearing):
+            self.desired.pace(time, float(np.linalg.norm(line)))
+        elif self._begin_at_sight:
+            if not self._legs_begun:
+                self._legs_begun = True
+                self.desired = self.desired.reversing_from(time, line, self._relative_velocity(flat, forecast))
+            if isinstance(self.desired, SweptBearing):
+                knots = forecast.mean[:: self._stride][: self.planner.problem.pieces + 1]
+                self.desired = self.desired.sweeping_from(time, line, knots, self.planner.problem.period)
+            else:
+                self.desired = self.desired.beginning_at(time, line)
 
     def _elapsed(self, time: float) -> tuple[float, int]:
         """Seconds since the last plan, and how many steps they are."""

@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike
 
 from gbt_ocp.guidance.apart import OwnSide
 from gbt_ocp.guidance.helm import Helm, SteeringLimits, helm_of, turning_away
-from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.strategy import Guidance
-from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.guidance.swept import DesiredTurn
 from gbt_ocp.models.sizes import not_negative, positive, vector
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
@@ -200,7 +199,7 @@ class CrossFirst:
         return self._crossing
 
     @property
-    def desired(self) -> DesiredBearing | PacedBearing:
+    def desired(self) -> DesiredTurn:
         """λ* of what follows."""
         return self.planned.desired
 

@@ -16,10 +16,9 @@ import casadi as ca
 import numpy as np
 
 from gbt_ocp.guidance.current import Current
-from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.startup import CrossFirst
-from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.guidance.swept import DesiredTurn
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.ocp.terms import PathConstraint
 from gbt_ocp.ocp.trajectory import FlatPoint
@@ -59,7 +58,7 @@ class InWater:
         return self.inner if isinstance(self.inner, PlannedMotion) else self.inner.planned
 
     @property
-    def desired(self) -> DesiredBearing | PacedBearing:
+    def desired(self) -> DesiredTurn:
         """λ* of what plans."""
         return self.inner.desired
 

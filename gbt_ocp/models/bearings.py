@@ -201,7 +201,11 @@ class DesiredBearing:
 
     def __call__(self, times: ArrayLike) -> Array:
         """Desired bearings ``(..., d)`` at the times ``(...)`` in seconds."""
-        angle = np.asarray(self.phase + self.rate * self.turned(times))
+        return self.direction(self.phase + self.rate * self.turned(times))
+
+    def direction(self, angle: ArrayLike) -> Array:
+        """Bearings ``(..., d)`` at angles ``(...)`` on the circle, in radians."""
+        angle = np.asarray(angle, dtype=float)
         circle = np.empty((*angle.shape, 2))
         circle[..., 0], circle[..., 1] = np.cos(angle), np.sin(angle)
         if self.dimension == 2:
@@ -222,7 +226,7 @@ class DesiredBearing:
 
     def beginning_at(self, time: float, bearing: ArrayLike) -> DesiredBearing:
         """The same turn, shifted so that at ``time`` (s) it is as near as it gets to a bearing ``(d,)``."""
-        return replace(self, phase=float(self._angle(bearing) - self.rate * self.turned(time)))
+        return replace(self, phase=float(self.angle(bearing) - self.rate * self.turned(time)))
 
     def reversing_from(self, time: float, line: ArrayLike, velocity: ArrayLike) -> DesiredBearing:
         """The same turn with a leg that begins at ``time`` (s), in the sense in which the line of sight turns already.
@@ -238,19 +242,19 @@ class DesiredBearing:
         """
         if math.isinf(self.reverse):
             return self
-        across, along = self._plane(velocity), self._plane(line)
+        across, along = self.in_plane(velocity), self.in_plane(line)
         agrees = self.rate * (along[0] * across[1] - along[1] * across[0]) >= 0.0
         begins = replace(self, leg_start=time if agrees else time - self.reverse)
         return begins.beginning_at(time, line)
 
-    def _plane(self, direction: ArrayLike) -> Array:
+    def in_plane(self, direction: ArrayLike) -> Array:
         """Components ``(2,)`` of a direction ``(d,)`` in the plane of the circle."""
         b = np.asarray(direction, dtype=float)
         if self.dimension == 3:
             b = tangent_basis(np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)).T @ b
         return b
 
-    def _angle(self, bearing: ArrayLike) -> float:
+    def angle(self, bearing: ArrayLike) -> float:
         """On the circle, in radians, of the point nearest to a bearing ``(d,)``."""
-        x, y = self._plane(bearing)
+        x, y = self.in_plane(bearing)
         return float(np.arctan2(y, x))

@@ -44,6 +44,9 @@ class Mounting:
     yaw: float = 0.0
 
 
+_ORIGIN = Mounting()
+
+
 @dataclass(frozen=True)
 class Sighting:
     """A measurement whose sensor has a place in the earth frame, and whose angles count from +x.
@@ -205,7 +208,7 @@ class Measurement:
         pose = np.asarray(pose, dtype=float)
         position, yaw = pose[:-1].copy(), float(pose[-1])
         not_negative("heading_std", heading_std)
-        mounting = self.mounting if self.mounting is not None else Mounting()
+        mounting = self.mounting if self.mounting is not None else _ORIGIN
         if mounting.position:
             arm = vector("mounting.position", mounting.position, position.size)
             position[:2] += _turned(arm[:2], yaw)

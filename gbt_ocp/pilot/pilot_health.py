@@ -6,6 +6,7 @@ import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from operator import mul, sub
 
 from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.pilot.own_track import Received
@@ -112,8 +113,9 @@ class TrackWatch:
     def forecast(self, times: Array, forecast: Forecast, own: Array) -> None:
         """Take note of a forecast at the times ``(K,)``, made at an own position ``(d,)``."""
         self._times, self._forecast = times.tolist(), forecast
-        line = forecast.mean[0] - own
-        across, along = _spreads(line, forecast.covariance[0])
+        # of two or three numbers arrays are slower than lists
+        line = list(map(sub, forecast.mean[0].tolist(), own.tolist()))
+        across, along = _spreads(line, forecast.covariance[0].tolist())
         self.vague, self.range_known = across > LOST_DIRECTION**2, along < RANGE_OBSERVABLE**2
 
     def see(self, sighting: Sighting) -> None:
@@ -124,25 +126,28 @@ class TrackWatch:
         place = (sighting.time - times[0]) / (times[1] - times[0])
         index = min(int(place), len(times) - 2)
         share = place - index
-        line = (1.0 - share) * forecast.mean[index] + share * forecast.mean[index + 1] - sighting.position
-        spread, _ = _spreads(line, forecast.covariance[index])
+        ends = zip(*forecast.mean[index : index + 2].tolist(), sighting.position.tolist(), strict=True)
+        line = [(1.0 - share) * begin + share * end - own for begin, end, own in ends]
+        spread, _ = _spreads(line, forecast.covariance[index].tolist())
         if math.isfinite(spread):
-            across = float(line @ sighting.bearing) / math.sqrt(float(line @ line))
-            angle = math.acos(min(max(across, -1.0), 1.0))
+            along = sum(map(mul, line, sighting.bearing.tolist())) / math.hypot(*line)
+            angle = math.acos(min(max(along, -1.0), 1.0))
             std = self._std if math.isnan(sighting.std[0]) else max(float(sighting.std[0]), LEAST_ANGLE_STD)
             self._off.append(angle**2 > MANY_TIMES**2 * (spread + std**2))
             self._disagrees = len(self._off) == LEAST_COUNT and 4 * sum(self._off) > LEAST_COUNT
 
 
-def _spreads(line: Array, covariance: Array) -> tuple[float, float]:
+def _spreads(line: list[float], covariance: list[list[float]]) -> tuple[float, float]:
     """Variance in rad² of the direction of a line ``(d,)``, the mean over its axes, and that of its length over itself.
 
     NaN where they are not known.
     """
-    x, rows = line.tolist(), covariance.tolist()  # of two or three numbers arrays are slower than lists
-    square = sum(a * a for a in x)
+    square = sum(map(mul, line, line))
     if not square > 0.0:
         return math.nan, math.nan
-    along = sum(a * sum(c * b for c, b in zip(row, x, strict=True)) for a, row in zip(x, rows, strict=True)) / square
-    trace = sum(row[i] for i, row in enumerate(rows))
-    return (trace - along) / (len(x) - 1) / square, along / square
+    trace = along = 0.0
+    for i, row in enumerate(covariance):
+        trace += row[i]
+        along += line[i] * sum(map(mul, row, line))
+    along /= square
+    return (trace - along) / (len(line) - 1) / square, along / square

@@ -13,6 +13,7 @@ from gbt_ocp.guidance.current import ACCELERATION_SHARE, Current, CurrentObserve
 from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.startup import CrossFirst
+from gbt_ocp.guidance.swept import DesiredTurn, SweptBearing
 from gbt_ocp.guidance.water import InWater
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.sensors import SimulatedSensor
@@ -121,8 +122,7 @@ def _guidance(parts: PilotParts) -> tuple[dict[str, Any], dict[str, int]]:
         raise ValueError(f"vehicle: found {found}; allowed in C: position and yaw")
     steps, stride, begin_at_sight = planned.schedule
     desired = planned.desired
-    turn = desired.at_full_pace if isinstance(desired, PacedBearing) else desired
-    assert isinstance(turn, DesiredBearing), "there are no others"
+    turn = _turn_of(desired)
     numbers = {
         "desired_rate": turn.rate,
         "desired_phase": turn.phase,
@@ -130,6 +130,7 @@ def _guidance(parts: PilotParts) -> tuple[dict[str, Any], dict[str, int]]:
         "desired_leg_start": turn.leg_start,
         "desired_axis": np.asarray(turn.axis, dtype=float) / np.linalg.norm(turn.axis),
         "desired_speed": desired.speed if isinstance(desired, PacedBearing) else 0.0,
+        "desired_across": desired.speed if isinstance(desired, SweptBearing) else 0.0,
         "begin_at_sight": int(begin_at_sight),
         "startup_deviation": 0.0 if crossing is None else crossing.crossing.deviation,
         "startup_speed": 0.0 if crossing is None else crossing.crossing.speed,
@@ -139,6 +140,13 @@ def _guidance(parts: PilotParts) -> tuple[dict[str, Any], dict[str, int]]:
         "axis": np.array([0.0, 0.0, 1.0]) if crossing is None else crossing.crossing.axis,
     }
     return numbers, {"AHEAD": parts.forecast, "PERIODS": steps, "STRIDE": stride}
+
+
+def _turn_of(desired: DesiredTurn) -> DesiredBearing:
+    """The turn by the clock."""
+    if isinstance(desired, PacedBearing):
+        return desired.at_full_pace
+    return desired.turn if isinstance(desired, SweptBearing) else desired
 
 
 def _kind_of(current: Current | None) -> int:
@@ -237,6 +245,7 @@ _SETTINGS = {
     "desired_reverse": "s after which its sense changes; 0 for never",
     "desired_leg_start": "time at which it begins to go in the sense of the rate, s",
     "desired_axis": "of its circle in space",
+    "desired_across": "of the vehicle that it asks for whatever the target does, m/s; 0: a turn by the clock",
     "desired_speed": "that it may ask for, over the radius of the circle, m/s; 0: whatever the range",
     "begin_at_sight": "whether each plan turns it on from the line of sight",
     "startup_deviation": "deviation of the range over the range below which is planned; 0: always",
@@ -254,7 +263,7 @@ _SETTINGS = {
 
 _DOUBLES = (
     *("period", "forecast_period", "late", "navigation_gap", "lead"),
-    *("desired_rate", "desired_phase", "desired_reverse", "desired_leg_start", "desired_speed"),
+    *("desired_rate", "desired_phase", "desired_reverse", "desired_leg_start", "desired_speed", "desired_across"),
 )
 
 _HEADER = """/* Generated: sizes and settings of one pilot. */

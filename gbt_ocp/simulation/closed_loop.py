@@ -9,9 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.strategy import Guidance
-from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.guidance.swept import DesiredTurn
 from gbt_ocp.models.sensors import BearingSensor
 from gbt_ocp.models.targets import Target
 from gbt_ocp.ocp.follower import BANDWIDTH
@@ -71,7 +70,7 @@ class ClosedLoop:
     tracker: Tracker | PositionTracker
     guidance: Guidance
     vehicle: Any
-    desired: DesiredBearing | PacedBearing
+    desired: DesiredTurn
     window: int
     forecast: int
     forecast_period: float

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from gbt_ocp.experiments.config.schema import Configuration
-from gbt_ocp.guidance.pacing import circling_speed, horizontal_radius, turn_period
+from gbt_ocp.guidance.pacing import PacedBearing, circling_speed, horizontal_radius, steady_speed, turn_period
+from gbt_ocp.guidance.swept import DesiredTurn, SweptBearing
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.vehicles import Vehicle
 
@@ -63,10 +64,30 @@ def build_desired_bearing(configuration: Configuration, vehicle: Vehicle) -> Des
     )
 
 
+def paced(configuration: Configuration, desired: DesiredBearing, vehicle: Vehicle) -> DesiredTurn:
+    """λ*(t) as the planner follows it: slowed down for a far target if that is asked for, or bearings are noisy.
+
+    Where each plan begins it at the line of sight nothing needs slowing down: a speed is that of the vehicle then.
+    """
+    section = configuration.desired_bearing
+    speed = section.speed_mps
+    if configuration.guidance.kind != "planner":
+        return desired
+    if section.phase == "measured":
+        return SweptBearing(desired, speed) if isinstance(speed, float) else desired
+    if speed == "sensor":
+        speed = steady_speed(vehicle) if configuration.bearing_noise_deg > 0.0 else None
+    return desired if speed is None else PacedBearing(desired, speed)
+
+
 def unreachable_bearings(configuration: Configuration, vehicle: Vehicle) -> list[str]:
     """A warning if the desired bearing turns faster than the vehicle can follow at its standoff; else nothing."""
     section = configuration.desired_bearing
-    if configuration.standoff is None or section.period_s == "auto" or configuration.guidance.kind != "planner":
+    if configuration.standoff is None or configuration.guidance.kind != "planner":
+        return []
+    if section.phase == "measured" and isinstance(section.speed_mps, float):
+        return _too_fast(section.speed_mps, reachable_speed(configuration, vehicle))
+    if section.period_s == "auto":
         return []
     turn = section.period_s or configuration.period_s * (section.m or 1)
     range_, speed = orbit_range(configuration), reachable_speed(configuration, vehicle)
@@ -81,3 +102,10 @@ def unreachable_bearings(configuration: Configuration, vehicle: Vehicle) -> list
         f"desired_bearing: a turn in {turn:.4g} s at {range_:.4g} m from a target of {section.target_speed:.3g} m/s "
         f"needs {needed:.3g} m/s, the vehicle reaches {speed:.3g} m/s{advice}"
     ]
+
+
+def _too_fast(asked: float, reached: float) -> list[str]:
+    """A warning if the vehicle does not reach the speed that it is asked for."""
+    if asked <= reached * (1.0 + 1e-9):
+        return []
+    return [f"desired_bearing.speed_mps: found {asked:.3g}; the vehicle reaches {reached:.3g} m/s"]

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from gbt_ocp.experiments.build.desired import build_desired_bearing
+from gbt_ocp.experiments.build.desired import build_desired_bearing, paced
 from gbt_ocp.experiments.build.limits import with_effort, with_limits
 from gbt_ocp.experiments.build.objective import build_hypotheses, build_joint, build_objective, build_past, build_path
 from gbt_ocp.experiments.build.own_vehicle import own_vehicle
@@ -37,10 +37,10 @@ from gbt_ocp.guidance.helm import SteeringLimits
 from gbt_ocp.guidance.objectives import RangePull
 from gbt_ocp.guidance.open_loop import ConstantForce, RandomThrust, Static
 from gbt_ocp.guidance.others import OtherVehicles
-from gbt_ocp.guidance.pacing import PacedBearing, steady_speed
 from gbt_ocp.guidance.planned import PlannedMotion
 from gbt_ocp.guidance.startup import CrossFirst
 from gbt_ocp.guidance.strategy import Guidance
+from gbt_ocp.guidance.swept import DesiredTurn
 from gbt_ocp.guidance.water import InWater
 from gbt_ocp.models.bearings import DesiredBearing
 from gbt_ocp.models.contracts import made
@@ -77,18 +77,6 @@ def build_vehicle(configuration: Configuration) -> Any:
     else:
         parameters = KNOWN_VEHICLES[given].parameters(configuration.dimension)
     return FossenVehicle(parameters, section.thrust_max, section.thrust_min)
-
-
-def paced(configuration: Configuration, desired: DesiredBearing, vehicle: Vehicle) -> DesiredBearing | PacedBearing:
-    """λ*(t) as the planner follows it: slowed down for a far target if that is asked for, or bearings are noisy."""
-    speed = configuration.desired_bearing.speed_mps
-    if speed == "sensor":
-        speed = steady_speed(vehicle) if configuration.bearing_noise_deg > 0.0 else None
-    # a turn that each plan begins at the line of sight needs no slowing down
-    measured = configuration.desired_bearing.phase == "measured"
-    if speed is None or measured or configuration.guidance.kind != "planner":
-        return desired
-    return PacedBearing(desired, speed)
 
 
 def build_current(configuration: Configuration, vehicle: Vehicle) -> Current | None:
@@ -178,7 +166,7 @@ def _posed(by: _Posing) -> TrajectoryProblem | ShootingProblem:
 def build_guidance(
     configuration: Configuration,
     vehicle: Vehicle,
-    desired: DesiredBearing | PacedBearing,
+    desired: DesiredTurn,
     rng: np.random.Generator,
     tracker: Tracker | PositionTracker | None = None,
     others: OtherVehicles | None = None,

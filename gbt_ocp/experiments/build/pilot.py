@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gbt_ocp.experiments.build.desired import build_desired_bearing
-from gbt_ocp.experiments.build.loop import build_guidance, build_vehicle, paced
+from gbt_ocp.experiments.build.desired import build_desired_bearing, paced
+from gbt_ocp.experiments.build.loop import build_guidance, build_vehicle
 from gbt_ocp.experiments.build.sensors import build_sensor, simulated_sensor
 from gbt_ocp.experiments.build.trackers import build_tracker
 from gbt_ocp.experiments.build.world import Streams

@@ -41,7 +41,9 @@ class DesiredBearingSection(Section):
     speed_mps: Literal["sensor"] | Positive | None = key(
         "sensor",
         "Speed in m/s that going round the target may ask for; farther away the bearing turns more slowly. sensor: "
-        "with noisy bearings the speed that the vehicle keeps up, else null. null: never slower.",
+        "with noisy bearings the speed that the vehicle keeps up, else null. null: never slower. With phase: measured, "
+        "where nothing needs slowing down: the speed through the water at which it moves across the line of sight, "
+        "whatever the target does, instead of a time of a turn; sensor, null: a time of a turn.",
     )
     target_speed: float = key(
         1.0, "Speed of the target in m/s that the vehicle can keep up with while it circles.", ge=0.0

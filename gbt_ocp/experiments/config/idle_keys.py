@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from gbt_ocp.experiments.build.tracker_kinds import TRACKERS
 from gbt_ocp.experiments.config.consistency import as_number
+from gbt_ocp.experiments.config.desired_bearing import DesiredBearingSection
 from gbt_ocp.experiments.config.faults import NOTHING, Fault, shown, value_at
 from gbt_ocp.experiments.config.guidance import PlannerGuidanceSection
 from gbt_ocp.experiments.config.keys import Section, as_tuples
@@ -25,6 +26,7 @@ SECTIONS: dict[str, type[Section]] = {
     "limits": LimitsSection,
     "link": LinkSection,
     "plant": PlantSection,
+    "desired_bearing": DesiredBearingSection,
 }
 """Sections whose keys have conditions."""
 
@@ -89,6 +91,11 @@ CONDITIONS = (
         _all("guidance", "startup_speed", "startup_leg_s", "startup_opening"),
         "guidance.startup_deviation above 0",
         lambda at: at("guidance", "startup_deviation") != 0.0,
+    ),
+    Condition(
+        _all("desired_bearing", "m", "period_s", "target_speed"),
+        "desired_bearing.speed_mps: sensor or null, or desired_bearing.phase: fixed",
+        lambda at: at("desired_bearing", "phase") == "fixed" or at("desired_bearing", "speed_mps") in (None, "sensor"),
     ),
     Condition(
         _all("plant", "current_time_s"), "plant.current_std above 0", lambda at: at("plant", "current_std") != 0.0

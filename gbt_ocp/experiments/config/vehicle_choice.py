@@ -30,11 +30,17 @@ of 120 s: errors of 13 % now, with 0.08 of 9 %)."""
 SLOW = 2.0
 """Speed in m/s below which a vehicle has to spend all of it across the line of sight."""
 
+BY_CLOCK: dict[str, Any] = {"speed_mps": "sensor"}
+"""Its desired bearing turns by the clock, as fast as it can follow."""
+
 CROSSED = 24.0
 """Metres that a leg across the line of sight has at least: those of the sea's own vehicle, 8 s at 3 m/s."""
 
+CLOCKED_LEG = 12.0
+"""Time in s of a leg of a desired bearing that turns by the clock, for a vehicle that goes round at :data:`CIRCLED`."""
+
 CIRCLED = 3.0
-"""Speed in m/s round the target for which the sea's time of a leg of the desired bearing is: 4 about a boat of 1."""
+"""Speed in m/s round the target for which that time is: 4 about a boat of 1."""
 
 SHARE = 0.97
 """Part of the largest speed at which a slow vehicle crosses: the rest is for turning."""
@@ -95,10 +101,12 @@ def driven_defaults(name: str, beneath: Mapping[str, Any], written: Mapping[str,
     defaults: dict[str, Any] = {"planner": {"form": "shooting", "steps": steps}, "limits": limits}
     if value_at(beneath, ("guidance", "startup_deviation")) not in (NOTHING, 0.0):
         defaults["guidance"] = CROSSING | _opening(merged) | {"startup_speed": round(SHARE * known.speed, 2)}
-    reverse = value_at(beneath, ("desired_bearing", "reverse_s"))
-    if known.turn_radius > 0.0 and isinstance(reverse, int | float):
-        turn = math.pi * TURN_MARGIN * known.turn_radius / known.speed
-        defaults["desired_bearing"] = {"reverse_s": max(reverse, round(LEG * turn)), "target_speed": 0.0}
+    leg = _clocked_leg(beneath)
+    if leg is not None:
+        desired = defaults["desired_bearing"] = BY_CLOCK | {"reverse_s": leg}
+        if known.turn_radius > 0.0:
+            turn = math.pi * TURN_MARGIN * known.turn_radius / known.speed
+            desired |= {"reverse_s": max(leg, round(LEG * turn)), "target_speed": 0.0}
     return defaults
 
 
@@ -138,12 +146,21 @@ def slow_defaults(beneath: Mapping[str, Any], written: Mapping[str, Any], dimens
     crossing: dict[str, Any] = {"startup_speed": round(speed, 3), "startup_leg_s": float(round(CROSSED / speed))}
     if speed < SLOW:
         crossing = CROSSING | _opening(merged) | {"startup_deviation": SURE} | crossing
-    defaults: dict[str, Any] = {"guidance": crossing}
-    reverse, target = (value_at(merged, ("desired_bearing", key)) for key in ("reverse_s", "target_speed"))
+    defaults: dict[str, Any] = {"guidance": crossing, "desired_bearing": BY_CLOCK}
+    leg, target = _clocked_leg(beneath), value_at(merged, ("desired_bearing", "target_speed"))
     target = DesiredBearingSection.model_fields["target_speed"].default if target is NOTHING else target
-    if isinstance(reverse, int | float) and isinstance(target, int | float) and min(fastest) > target:
-        defaults["desired_bearing"] = {"reverse_s": max(reverse, round(reverse * CIRCLED / (min(fastest) - target)))}
+    if leg is not None and isinstance(target, int | float) and min(fastest) > target:
+        longer = round(leg * CIRCLED / (min(fastest) - target))
+        defaults["desired_bearing"] = BY_CLOCK | {"reverse_s": max(leg, longer)}
     return defaults
+
+
+def _clocked_leg(layer: Mapping[str, Any]) -> float | None:
+    """Time in s of a leg for a turn by the clock, where there are legs: that of the layer, if they are by it there."""
+    reverse, speed = (value_at(layer, ("desired_bearing", key)) for key in ("reverse_s", "speed_mps"))
+    if not isinstance(reverse, int | float):
+        return None
+    return CLOCKED_LEG if isinstance(speed, int | float) else float(reverse)
 
 
 def _opening(merged: Mapping[str, Any]) -> dict[str, float]:

@@ -4,6 +4,8 @@
 #include "gbt_math.h"
 
 #define D GBT_DIMENSION
+#define LEAST_ACROSS 0.3 /* part of the speed that goes across the line of sight, however fast the target is */
+#define NEAREST 1e-9     /* distance in metres below which a line of sight turns no faster */
 
 /* Seconds of turning at a time: those forth less those back. */
 static double turned_at(const gbt_desired *desired, double time)
@@ -60,13 +62,12 @@ void gbt_desired_reverse_from(gbt_desired *desired, double time, const gbt_real 
     gbt_desired_begin_at(desired, time, line);
 }
 
-void gbt_desired_at(const gbt_desired *desired, double time, gbt_real *bearing)
+/* The bearing at an angle on the circle. */
+static void direction_at(const gbt_desired *desired, double angle, gbt_real *bearing)
 {
-    const int paced = desired->speed > 0;
-    const double turned = paced ? desired->turned + desired->pace * since(desired, time) : turned_at(desired, time);
-    const double angle = desired->phase + desired->rate * turned;
     const gbt_real c = (gbt_real)cos(angle), s = (gbt_real)sin(angle);
 #if GBT_DIMENSION == 2
+    (void)desired;
     bearing[0] = c;
     bearing[1] = s;
 #else
@@ -76,4 +77,33 @@ void gbt_desired_at(const gbt_desired *desired, double time, gbt_real *bearing)
     gbt_tangent_basis(desired->axis, basis);
     for (int k = 0; k < D; k++) bearing[k] = lift * desired->axis[k] + radius * (c * basis[0][k] + s * basis[1][k]);
 #endif
+}
+
+void gbt_desired_at(const gbt_desired *desired, double time, gbt_real *bearing)
+{
+    const int paced = desired->speed > 0;
+    const double turned = paced ? desired->turned + desired->pace * since(desired, time) : turned_at(desired, time);
+    direction_at(desired, desired->phase + desired->rate * turned, bearing);
+}
+
+void gbt_desired_sweep(const gbt_desired *desired, double time, const gbt_real *line,
+                       gbt_real target[GBT_PIECES + 1][GBT_DIMENSION], gbt_real bearings[GBT_PIECES][GBT_DIMENSION])
+{
+    const double period = (double)GBT_PERIOD, reach = desired->across * period;
+    const double circle = GBT_DIMENSION == 2 ? 1.0 : sqrt(6.0) / 3.0;
+    const double radius = fmax(circle * (double)gbt_length(line), NEAREST);
+    double plane[2];
+    plane_of(desired, line, plane);
+    double angle = atan2(plane[1], plane[0]);
+    for (int i = 0; i < GBT_PIECES; i++) {
+        gbt_real moved[D];
+        for (int k = 0; k < D; k++) moved[k] = target[i + 1][k] - target[i][k];
+        plane_of(desired, moved, plane);
+        const double across = cos(angle) * plane[1] - sin(angle) * plane[0];
+        const double left = reach * reach - ((double)gbt_dot(moved, moved) - across * across);
+        const double own = sqrt(fmax(left, LEAST_ACROSS * reach * (LEAST_ACROSS * reach)));
+        const double forth = turned_at(desired, time + period * (i + 1)) - turned_at(desired, time + period * i);
+        angle += (copysign(1.0, desired->rate) * forth / period * own + across) / radius;
+        direction_at(desired, angle, bearings[i]);
+    }
 }

@@ -24,6 +24,7 @@ void gbt_guidance_begin(gbt_guidance *guidance)
     guidance->desired.leg_start = numbers->desired_leg_start;
     for (int k = 0; k < 3; k++) guidance->desired.axis[k] = numbers->desired_axis[k];
     guidance->desired.speed = numbers->desired_speed;
+    guidance->desired.across = numbers->desired_across;
     guidance->desired.changed = guidance->desired.turned = 0;
     guidance->desired.pace = 1;
     guidance->planned = guidance->legs_begun = 0;
@@ -40,9 +41,9 @@ static int elapsed(const gbt_guidance *guidance, double time, double *seconds)
     return count < GBT_PERIODS;
 }
 
-/* Turns the desired bearing to where a plan begins: at the pace that the range allows, or on at the line of sight. */
-static void prepare_desired(gbt_guidance *guidance, double time, gbt_real flat[GBT_JOINED][GBT_FLAT],
-                            const gbt_forecast *forecast)
+/* The desired bearings at the ends of a plan: at the pace that the range allows, or on from the line of sight. */
+static void desire(gbt_guidance *guidance, double time, gbt_real flat[GBT_JOINED][GBT_FLAT],
+                   const gbt_forecast *forecast, gbt_real bearings[GBT_PIECES][D])
 {
     const int next = GBT_STRIDE < GBT_AHEAD ? GBT_STRIDE : GBT_AHEAD;
     gbt_real line[D], velocity[D];
@@ -56,7 +57,16 @@ static void prepare_desired(gbt_guidance *guidance, double time, gbt_real flat[G
         if (!guidance->legs_begun) gbt_desired_reverse_from(&guidance->desired, time, line, velocity);
         guidance->legs_begun = 1;
         gbt_desired_begin_at(&guidance->desired, time, line);
+        if (gbt_pilot_numbers.desired_across > 0) {
+            gbt_real target[GBT_PIECES + 1][D];
+            for (int i = 0; i <= GBT_PIECES; i++)
+                for (int k = 0; k < D; k++) target[i][k] = forecast->mean[i * GBT_STRIDE][k];
+            gbt_desired_sweep(&guidance->desired, time, line, target, bearings);
+            return;
+        }
     }
+    for (int i = 0; i < GBT_PIECES; i++)
+        gbt_desired_at(&guidance->desired, time + (double)GBT_PERIOD * (i + 1), bearings[i]);
 }
 
 /* An estimator without a covariance is taken at its word. */
@@ -96,7 +106,6 @@ static gbt_decision plan(gbt_guidance *guidance, double time, gbt_real flat[GBT_
     enum { BOUNDARIES = GBT_PIECES + GBT_PRESENT };
     gbt_real mean[BOUNDARIES][D], covariance[BOUNDARIES][D][D], desired[GBT_PIECES][D];
     if (guidance->planned && elapsed(guidance, time, &guidance->elapsed)) return GBT_DECIDED_FOLLOW;
-    prepare_desired(guidance, time, flat, forecast);
     for (int i = 0; i < BOUNDARIES; i++) {
         const int place = (i + 1 - GBT_PRESENT) * GBT_STRIDE;
         for (int p = 0; p < D; p++) {
@@ -104,8 +113,7 @@ static gbt_decision plan(gbt_guidance *guidance, double time, gbt_real flat[GBT_
             for (int q = 0; q < D; q++) covariance[i][p][q] = known(forecast->covariance[place][p][q]);
         }
     }
-    for (int i = 0; i < GBT_PIECES; i++)
-        gbt_desired_at(&guidance->desired, time + (double)GBT_PERIOD * (i + 1), desired[i]);
+    desire(guidance, time, flat, forecast, desired);
 #if GBT_SHOOTING
     begin_plan(guidance, flat);
     const gbt_real *state = guidance->began;
