@@ -60,6 +60,27 @@ def test_on_the_model_nothing_is_added():
     assert furthest_off(Plant(PLANAR), lag=0.0) < 1e-3
 
 
+def course_kept(yaw, speed, seconds=3.0):
+    """Yaw in the end of a vehicle half as heavy again as its model, that begins askew of a straight plan."""
+    heavier = FossenVehicle(scaled(FALCON_2D, mass=1.5, added_mass=1.5, drag=1.5), PLANAR.thrust_max)
+    follower, motion = PlanFollower(PLANAR, lag=0.0), Motion(Plant(heavier, thrust=0.9))
+    plan = FlatTrajectory(seconds, np.array([[0.0, 0.0, 0.0], [speed, 0.0, 0.0]]), np.zeros((1, 3)))
+    state = PLANAR.state(np.array([0.0, 0.0, yaw]), plan.start[1])
+    for k in range(round(seconds / HOLD)):
+        now, (z, dz) = k * HOLD, PLANAR.flat(state)
+        thrust = follower.thrust(plan, now, now + 0.5 * HOLD, np.zeros(2), z, dz, HOLD if k else 0.0)
+        state = motion.advance(state, lambda s, thrust=thrust: thrust, HOLD)
+    return state[2]
+
+
+@pytest.mark.parametrize("yaw", [-1.2, 0.8])
+def test_a_vehicle_that_cannot_turn_against_its_munk_moment_is_slowed_down_until_it_can(yaw, monkeypatch):
+    assert abs(course_kept(yaw, 3.0)) < 0.1
+    monkeypatch.setattr("gbt_ocp.ocp.follower.TURN_SHARE", 1e9)
+    assert abs(course_kept(yaw, 3.0)) > 1.0, "it stays broadside"
+    assert abs(course_kept(yaw, 2.0)) < 0.1, "the moment goes with the square of the speed"
+
+
 def test_a_constant_force_is_estimated_as_it_is():
     mass = PlanarPointMass(2.0, 0.0, (50.0, 50.0))
     observer, force, asked = DisturbanceObserver(mass), np.array([3.0, -4.0]), np.array([1.0, 5.0])

@@ -100,6 +100,22 @@ def test_an_angle_is_led_back_the_short_way_and_the_thrust_is_within_its_limits(
         Follower(PLANAR, math.nan)
 
 
+def test_a_vehicle_on_its_plan_is_not_slowed_down_however_much_of_its_yaw_moment_is_planned():
+    follower = Follower(PLANAR, 2.0)
+    z, dz, ddz = np.array([0.0, 0.0, 0.2]), np.array([2.0, 1.0, 0.3]), np.zeros(3)
+    still = np.asarray(PLANAR.inputs(z, dz, ddz), dtype=float).ravel()
+    at_one = np.asarray(PLANAR.inputs(z, dz, np.array([0.0, 0.0, 1.0])), dtype=float).ravel()
+    ddz[2] = (0.98 * 1500.0 - still[2]) / (at_one - still)[2]
+    planned = np.asarray(PLANAR.inputs(z, dz, ddz), dtype=float).ravel()
+    at = FlatPoint(z, dz, ddz)
+    np.testing.assert_allclose(follower.thrust(at, at, z, dz), planned, rtol=1e-12)
+    slipped = z - np.array([0.0, 0.0, 0.3])
+    unaided = np.asarray(PLANAR.inputs(slipped, dz, ddz + np.array([0.0, 0.0, 64.0 * 0.3])), dtype=float).ravel()
+    slowed = follower.thrust(at, at, slipped, dz)
+    assert slowed[2] == 1500.0
+    assert (slowed - unaided)[:2] @ PLANAR.state(slipped, dz)[3:5] < 0.0, "against its motion"
+
+
 @pytest.mark.parametrize(("period", "count"), [(0.1, 5), (0.02, 1), (0.005, 1), (0.03, 2), (1.0, 50)])
 def test_it_is_sampled_at_fifty_hertz_or_faster(period, count):
     assert samples(period) == count

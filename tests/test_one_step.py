@@ -97,6 +97,25 @@ def test_the_ladder_takes_the_steps_of_the_generated_c(name):
     assert different == 0
 
 
+@pytest.mark.parametrize(("distance", "anew"), [(1.0, True), (6.0, False)])
+def test_a_long_plan_that_begins_far_inside_a_limit_does_not_go_on_from_the_last_one(distance, anew):
+    problem = TrajectoryProblem(FALCON, 8, PERIOD).maximize(BearingSimilarity(2)).maximize(RangePull(2))
+    problem = problem.subject_to(ThrustLimit(FALCON), nodes=2)
+    planner = Planner(problem.subject_to(RangeLimits(2, nearest=4.0, foresee=False), nodes=2), "compiled")
+
+    def plan(state, away):
+        mean, spread = np.tile(state[0, :2] + np.array([away, 0.3]), (8, 1)), np.tile(0.01 * np.eye(2), (8, 1, 1))
+        present = Forecast(mean[0], spread[0])
+        return planner.solve(state, Forecast(mean, spread), np.tile([0.0, 1.0], (8, 1)), present=present)
+
+    state = plan(np.zeros((2, 3)), 20.0).trajectory.knots[1]
+    warm = plan(state, distance)
+    planner.reset()
+    cold = plan(state, distance)
+    assert warm.status == ("given up" if anew else "solved")
+    assert np.array_equal(warm.endpoints, cold.endpoints) == anew
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", ["hard", "penalty"])

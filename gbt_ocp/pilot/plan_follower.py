@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from gbt_ocp.models.thrust import ThrustRange
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.disturbance import DisturbanceObserver
 from gbt_ocp.ocp.follower import BANDWIDTH, Follower
@@ -34,7 +33,7 @@ class PlanFollower:
 
     def __init__(self, vehicle: Vehicle, bandwidth: float = BANDWIDTH, lag: float | None = None) -> None:
         self._follower = Follower(vehicle, bandwidth)
-        self._thrusters, self._range = LaggingThrusters(vehicle, lag or 0.0), ThrustRange.of(vehicle)
+        self._thrusters = LaggingThrusters(vehicle, lag or 0.0)
         self._observer = None if lag is None else DisturbanceObserver(vehicle)
 
     def ask(self, wanted: Array, passed: float, hold: float) -> Array:
@@ -73,8 +72,8 @@ class PlanFollower:
         rate[:d] -= water
         at = z.copy()
         at[:d] -= now * water
-        wanted = self._follower.thrust(through.point(now), through.point(middle), at, rate)
+        beyond = None
         if self._observer is not None:
             beyond = self._observer.observe(z, rate, self._thrusters.acted(passed), passed)
-            wanted = self._range.clip(wanted + beyond)
+        wanted = self._follower.thrust(through.point(now), through.point(middle), at, rate, beyond)
         return self._thrusters.ask(wanted, passed, hold)

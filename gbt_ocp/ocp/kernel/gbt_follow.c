@@ -10,6 +10,8 @@
 
 #define TURN_FACTOR 4                /* of an angle, the bandwidth is so many times that of the position, */
 #define TURN_BANDWIDTH ((gbt_real)8) /* up to this, rad/s */
+#define TURN_SHARE ((gbt_real)0.7)   /* of its limits that an input may take to turn before the vehicle is slowed down */
+#define PROBE ((gbt_real)0.1)        /* half a difference of velocities from which slopes are taken, m/s */
 
 void gbt_thrusters_init(gbt_thrusters *thrusters, gbt_real lag)
 {
@@ -117,8 +119,61 @@ static gbt_follow_status idle(gbt_follow_status status, gbt_follow_result *resul
     return result->status = status;
 }
 
+/* The thrust of a point, and what is added to it. */
+static void ask(const gbt_real *point, const gbt_real *beyond, gbt_real *thrust)
+{
+    gbt_vehicle_inputs(point, 0, 0, thrust);
+    for (int i = 0; beyond && i < GBT_INPUTS; i++) thrust[i] += beyond[i];
+}
+
+#if GBT_INPUTS == GBT_FLAT
+/* What an input that turns is asked beyond its share and beyond the plan. */
+static gbt_real excess_of(int i, gbt_real asked, gbt_real planned)
+{
+    const gbt_real least = gbt_fmin(TURN_SHARE * gbt_thrust_min[i], planned);
+    const gbt_real most = gbt_fmax(TURN_SHARE * gbt_thrust_max[i], planned);
+    return asked > most ? asked - most : asked < least ? asked - least : 0;
+}
+
+/* Adds to the acceleration of a point what takes off the velocity of which turning needs so much, at most all of it,
+   where the inputs that turn are asked more than their share and more than planned. Returns whether any is. */
+static int slow_down(gbt_real turn, const gbt_real *middle, const gbt_real *asked, gbt_real *point)
+{
+    gbt_real excess[GBT_FLAT], planned[GBT_INPUTS], more[GBT_INPUTS], less[GBT_INPUTS], slopes[GBT_FLAT][GBT_DIMENSION];
+    gbt_real speed = 0;
+    int any = 0;
+    for (int i = GBT_DIMENSION; i < GBT_FLAT; i++) any = any || gbt_within_thrust(i, asked[i], TURN_SHARE) != asked[i];
+    if (!any) return 0;
+    gbt_vehicle_inputs(middle, 0, 0, planned);
+    for (int i = GBT_DIMENSION; i < GBT_FLAT; i++) excess[i] = excess_of(i, asked[i], planned[i]);
+    for (int j = 0; j < GBT_DIMENSION; j++) {
+        gbt_real *rate = &point[GBT_FLAT + j];
+        const gbt_real before = *rate;
+        speed += before * before;
+        *rate = before + PROBE;
+        gbt_vehicle_inputs(point, 0, 0, more);
+        *rate = before - PROBE;
+        gbt_vehicle_inputs(point, 0, 0, less);
+        *rate = before;
+        for (int i = GBT_DIMENSION; i < GBT_FLAT; i++) slopes[i][j] = (more[i] - less[i]) / (2 * PROBE);
+    }
+    speed = gbt_sqrt(speed);
+    for (int i = GBT_DIMENSION; i < GBT_FLAT; i++) {
+        gbt_real size = 0;
+        for (int j = 0; j < GBT_DIMENSION; j++) size += slopes[i][j] * slopes[i][j];
+        size = gbt_sqrt(size);
+        if (!(size > 0) || excess[i] == 0) continue;
+        const gbt_real change = gbt_fmin(gbt_fabs(excess[i]) / size, speed);
+        for (int j = 0; j < GBT_DIMENSION; j++)
+            point[2 * GBT_FLAT + j] -= turn * (excess[i] > 0 ? change : -change) * slopes[i][j] / size;
+    }
+    return 1;
+}
+#endif
+
 gbt_follow_status gbt_follow_points(gbt_real bandwidth, const gbt_real *now, const gbt_real *middle, const gbt_real *own,
-                                    const gbt_real *z, const gbt_real *dz, gbt_follow_result *result)
+                                    const gbt_real *z, const gbt_real *dz, const gbt_real *beyond,
+                                    gbt_follow_result *result)
 {
     gbt_real point[GBT_POINT], square = 0;
     const gbt_real turn = gbt_fmax(bandwidth, gbt_fmin(TURN_FACTOR * bandwidth, TURN_BANDWIDTH));
@@ -133,7 +188,10 @@ gbt_follow_status gbt_follow_points(gbt_real bandwidth, const gbt_real *now, con
     }
     result->off_plan = gbt_sqrt(square);
     result->status = GBT_FOLLOWED;
-    gbt_vehicle_inputs(point, 0, 0, result->thrust);
+    ask(point, beyond, result->thrust);
+#if GBT_INPUTS == GBT_FLAT
+    if (slow_down(turn, middle, result->thrust, point)) ask(point, beyond, result->thrust);
+#endif
     for (int i = 0; i < GBT_INPUTS; i++) {
         const gbt_real asked = result->thrust[i];
         if (!isfinite(asked)) return idle(GBT_FOLLOW_NOT_FINITE, result);
@@ -154,7 +212,7 @@ gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt
     gbt_point_after(piece, s, now);
     gbt_point_after(piece, s + hold / 2, middle);
     for (int j = 0; j < GBT_FLAT; j++) own[j] = j < GBT_DIMENSION ? z[j] - follower->start[0][j] : z[j];
-    return gbt_follow_points(follower->bandwidth, now, middle, own, z, dz, result);
+    return gbt_follow_points(follower->bandwidth, now, middle, own, z, dz, 0, result);
 }
 
 gbt_follow_status gbt_follow_setpoint(const gbt_follower *follower, gbt_real ahead, const gbt_real *water,

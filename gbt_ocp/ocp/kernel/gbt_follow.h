@@ -15,7 +15,8 @@
    Computed torque on the flat output: the thrust of the acceleration  ddz + 2 w (dz - dz_m) + w^2 (z - z_m)  at the
    measured z_m and its rate dz_m. Without model error and within the limits the error e of each flat output then obeys
    e'' + 2 w e' + w^2 e = 0. Of an angle w is four times the bandwidth, up to 8 rad/s if that is more: what is not known
-   of the Munk moment turns a vehicle faster than it takes it off its course. */
+   of the Munk moment turns a vehicle faster than it takes it off its course. Where turning takes more than 0.7 of an
+   input, and more than planned, the vehicle is slowed down for it. */
 #ifndef GBT_FOLLOW_H
 #define GBT_FOLLOW_H
 
@@ -96,9 +97,11 @@ gbt_follow_status gbt_follow(const gbt_follower *follower, gbt_real elapsed, gbt
    bandwidth     w in rad/s
    now, middle   points of the plan now, and in the middle of the time until the next sample
    own           measured flat output in the coordinates of these points, GBT_FLAT
-   z, dz         measured flat output and its rate, GBT_FLAT each */
+   z, dz         measured flat output and its rate, GBT_FLAT each
+   beyond        thrust that is added for what the vehicle needs beyond its model, GBT_INPUTS; 0 for none */
 gbt_follow_status gbt_follow_points(gbt_real bandwidth, const gbt_real *now, const gbt_real *middle, const gbt_real *own,
-                                    const gbt_real *z, const gbt_real *dz, gbt_follow_result *result);
+                                    const gbt_real *z, const gbt_real *dz, const gbt_real *beyond,
+                                    gbt_follow_result *result);
 
 /* What an autopilot is given in place of thrust: where the plan is, and how it moves there. Beyond the end of the plan
    that is its end.

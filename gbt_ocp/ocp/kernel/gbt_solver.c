@@ -1,6 +1,7 @@
 /* One solve: from where it starts, and what is done where it fails. The method is in gbt_interior.c. */
 #include "gbt_solver.h"
 
+#include "gbt_check.h"
 #include "gbt_form.h"
 #include "gbt_interior.h"
 #include "gbt_math.h"
@@ -14,6 +15,7 @@
 #define TAIL_ITERATIONS 8
 #define COLDER ((gbt_real)10) /* mu of the first part of a cold guess over that of a cold start */
 #define REACH ((gbt_real)20)  /* decrease that Newton's step may promise from a warm guess, for each side in units of mu */
+#define BROKEN ((gbt_real)0.1) /* of a hard limit where a plan begins, in its units: the last plan was made without that */
 
 /* Whether inputs alone may bound a trajectory. */
 #if GBT_SHOOTING && GBT_BOX >= 0
@@ -22,8 +24,8 @@
 #define GBT_WITHIN_BOX 0
 #endif
 
-/* of the full thrust, at each start after the first */
-static const gbt_real aside_at_start[] = {0, (gbt_real)0.1, (gbt_real)-0.1, (gbt_real)0.3};
+/* of the full thrust, at each start that is not from a given guess */
+static const gbt_real aside_at_start[] = {GBT_ASIDE, (gbt_real)0.1, (gbt_real)-0.1, (gbt_real)0.3};
 
 /* mu of each start over that of the first */
 static const gbt_real barrier_of_start[] = {1, 3, 10, (gbt_real)0.3};
@@ -135,6 +137,17 @@ static gbt_status answer(const gbt_settings *settings, gbt_real mu, gbt_real rea
     return gbt_minimise_within_limits(settings, mu, reach, settings->deadline, work, result);
 }
 
+/* Whether a hard limit is broken far where the plan begins. A last plan that led there was for a target that is believed
+   to be elsewhere now, and what is left of it goes on breaking the limit: a cold guess is nearer to a way out. */
+static int begins_broken(const gbt_real *start, const gbt_real *parameters)
+{
+    gbt_real broken[GBT_LIMITS + 1];
+    gbt_broken_at_start(start, parameters + GBT_LIMIT_NUMBERS, broken);
+    for (int q = 0; q < GBT_LIMITS; q++)
+        if (gbt_limits[q].hard && broken[q] > BROKEN) return 1;
+    return 0;
+}
+
 /* Where the next start begins; the last one within bounds goes on from the cheapest before it, u. */
 static void begin_again(const gbt_real *start, int starts, const gbt_real *u, gbt_real *guess)
 {
@@ -161,6 +174,10 @@ gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const 
 
     for (int q = 0; q < GBT_LIMITS; q++) work->tightening[q] = tightening[q];
     for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) work->guess[k] = u[k];
+    if (in_parts && warm == GBT_WARM && begins_broken(start, parameters)) {
+        warm = GBT_COLD_START;
+        begin_again(start, 0, u, work->guess);
+    }
     result->status = GBT_NUMERICAL_FAILURE;
     do {
         const int cold = warm == GBT_COLD_START || result->starts > 0, shifted = !cold && warm == GBT_WARM;

@@ -218,16 +218,13 @@ static void ask(gbt_pilot *pilot, double hold, gbt_command *command)
     gbt_thrusters_ask(&pilot->guidance.thrusters, since_last(pilot, command), (gbt_real)hold, command->thrust);
 }
 
-/* Adds what the vehicle needs beyond its model. */
-static void compensate(gbt_pilot *pilot, const gbt_real *z, const gbt_real *through, gbt_command *command)
+/* Learns what the vehicle needs beyond its model. */
+static void observe(gbt_pilot *pilot, const gbt_real *z, const gbt_real *through, const gbt_command *command)
 {
     const gbt_real passed = since_last(pilot, command);
     gbt_real acted[GBT_INPUTS];
     gbt_thrusters_acted(&pilot->guidance.thrusters, passed, acted);
     gbt_disturbance_observe(&pilot->guidance.disturbance, z, through, acted, passed);
-    for (int i = 0; i < GBT_INPUTS; i++)
-        command->thrust[i] =
-            gbt_within_thrust(i, command->thrust[i] + pilot->guidance.disturbance.estimate[i], 1);
 }
 #endif
 
@@ -259,9 +256,10 @@ static void follow(gbt_pilot *pilot, double hold, const gbt_real *z, const gbt_r
         own[j] = j < D ? through[0][j] - guidance->follower.start[0][j] : z[j];
         if (j < D) water[j] = gbt_water(pilot, j);
     }
-    gbt_follow_points(guidance->follower.bandwidth, &at[0][0], &later[0][0], own, through[0], through[1], &followed);
+    if (gbt_pilot_numbers.observing) observe(pilot, z, through[1], command);
+    gbt_follow_points(guidance->follower.bandwidth, &at[0][0], &later[0][0], own, through[0], through[1],
+                      gbt_pilot_numbers.observing ? guidance->disturbance.estimate : 0, &followed);
     for (int i = 0; i < GBT_INPUTS; i++) command->thrust[i] = followed.thrust[i];
-    if (gbt_pilot_numbers.observing) compensate(pilot, z, through[1], command);
     ask(pilot, hold, command);
     gbt_follow_setpoint(&guidance->follower, (gbt_real)(now + gbt_pilot_numbers.lead), water, &command->setpoint);
     gbt_origin_give(pilot, command->setpoint.z);
