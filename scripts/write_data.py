@@ -19,6 +19,9 @@ from typing import Any
 
 DATA = Path(__file__).resolve().parents[1] / "docs" / "data"
 _FINDING = re.compile(r"- \*\*(.+?)\*\*: (.+?) Seen: (.+)")
+_PROGRESS = re.compile(r"\d+%\s*\|")
+"""Of a progress bar, which is no heading of what comes below it."""
+
 _RULE = re.compile(r"\|(?:\s*:?-+:?\s*\|)+")
 
 
@@ -39,7 +42,7 @@ def tables_in(text: str) -> dict[str, dict[str, Any]]:
                 copies += 1
                 key = f"{slug(above)}_{copies}"
             found[key] = {"columns": cells(line), "rows": rows}
-        elif line.strip() and not line.startswith("|"):
+        elif line.strip() and not line.startswith("|") and not _PROGRESS.search(line):
             above = line
     findings = [_FINDING.fullmatch(line.strip()) for line in lines]
     rows = [[part.replace("|", r"\|") for part in one.group(2, 3, 1)] for one in findings if one]

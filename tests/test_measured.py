@@ -102,6 +102,8 @@ def test_data_is_written_from_what_a_command_printed(tmp_path):
             "rows": [["It is small.", "0.1 m.", "holds"], ["It is 1 \\| 2.", "3.", "does not hold"]],
         }
     }
+    bar = "sea2d:  50%|#####     | 2/4 [00:01<00:01]\n\n" + printed.partition("\n\n")[2]
+    assert list(write_data.tables_in(bar)) == ["table", "more"]
     assert found["command"] == ["python benchmarks/x.py --seeds 4"]
     assert found["versions"] == {"python": "3.11", "numpy": "2.1"}
 
