@@ -5,7 +5,7 @@ import ctypes
 import numpy as np
 import pytest
 
-from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
+from gbt_ocp.experiments.build.loop import build_planner, build_vehicle
 from gbt_ocp.experiments.config.catalogue import config_names
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
@@ -151,19 +151,26 @@ def test_the_present_spread_is_handed_on_to_the_c(tmp_path):
 
 
 def verified(name, formulation, degree, folder):
-    changes = [f"planner.formulation={formulation}", f"planner.degree={degree}"]
+    changes = [f"planner.formulation={formulation}"]
+    if degree is not None:
+        changes.append(f"planner.degree={degree}")
     if formulation == "penalty":
         changes.append("limits.hard=[]")
-    configuration = load_config(name, changes)
-    problem = build_problem(configuration, build_vehicle(configuration))
-    planner = Planner(problem, "compiled", configuration.planner.solver_options)
-    return verify_folder(write_c(planner, folder))
+    configuration = load_config(name, ["planner.solver=compiled", *changes])
+    return verify_folder(write_c(build_planner(configuration, build_vehicle(configuration)), folder))
+
+
+def degrees(name):
+    """Of the pieces; a motion by integration has none."""
+    return [None] if load_config(name).planner.form == "shooting" else [2, 3, 4]
+
+
+SHIPPED = [(name, degree) for name in config_names() if not load_config(name).vehicles for degree in degrees(name)]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("degree", [2, 3, 4])
 @pytest.mark.parametrize("formulation", ["hard", "penalty"])
-@pytest.mark.parametrize("name", [name for name in config_names() if not load_config(name).vehicles])
+@pytest.mark.parametrize(("name", "degree"), SHIPPED)
 def test_the_c_of_every_shipped_configuration_says_what_python_says(name, formulation, degree, tmp_path):
     found = verified(name, formulation, degree, tmp_path / "planner")
     assert found.faults == ()
