@@ -103,8 +103,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
     head = ["configuration", "tracker", "runs", *(text for text, _ in NUMBERS.values()), "lost", "steps below standoff"]
-    # printed at the end, so that no progress bar cuts it
-    table = ["| " + " | ".join([*head, "least range, m"]) + " |", "|" + "---|" * (len(head) + 1)]
+    print("| " + " | ".join([*head, "least range, m"]) + " |\n|" + "---|" * (len(head) + 1))
     for configuration in arguments.configurations:
         entries, names = [], []
         for tracker in arguments.trackers:
@@ -132,8 +131,7 @@ def main() -> None:
             rows = done.rows[number * arguments.seeds : (number + 1) * arguments.seeds]
             failed = sum(row["status"] == "failed" for row in rows)
             whole = [row for row in rows if row["status"] == "done"]
-            table.append(line(name, whole) + (f" {failed} failed" if failed else ""))
-    print("\n".join(table))
+            print(line(name, whole) + (f" {failed} failed" if failed else ""), flush=True)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@
 #define D GBT_DIMENSION
 #define LEAST_ACROSS 0.3 /* part of the speed that goes across the line of sight, however fast the target is */
 #define NEAREST 1e-9     /* distance in metres below which a line of sight turns no faster */
+#define CIRCLE (D == 2 ? 1.0 : sqrt(6.0) / 3.0) /* radius of the circle; in space it is lifted along the axis */
 
 /* Seconds of turning at a time: those forth less those back. */
 static double turned_at(const gbt_desired *desired, double time)
@@ -25,7 +26,7 @@ static double since(const gbt_desired *desired, double time)
 
 void gbt_desired_pace(gbt_desired *desired, double time, double distance)
 {
-    const double asked = desired->rate * fmax(distance, 1e-9);
+    const double asked = desired->rate * fmax(distance, NEAREST);
     desired->turned += desired->pace * since(desired, time);
     desired->changed = time;
     desired->pace = asked > 0 ? fmin(1, desired->speed / asked) : 1;
@@ -44,11 +45,17 @@ static void plane_of(const gbt_desired *desired, const gbt_real *direction, doub
 #endif
 }
 
-void gbt_desired_begin_at(gbt_desired *desired, double time, const gbt_real *bearing)
+/* On the circle, in radians, of the point nearest to a bearing. */
+static double angle_of(const gbt_desired *desired, const gbt_real *bearing)
 {
     double plane[2];
     plane_of(desired, bearing, plane);
-    desired->phase = atan2(plane[1], plane[0]) - desired->rate * turned_at(desired, time);
+    return atan2(plane[1], plane[0]);
+}
+
+void gbt_desired_begin_at(gbt_desired *desired, double time, const gbt_real *bearing)
+{
+    desired->phase = angle_of(desired, bearing) - desired->rate * turned_at(desired, time);
 }
 
 void gbt_desired_reverse_from(gbt_desired *desired, double time, const gbt_real *line, const gbt_real *velocity)
@@ -71,8 +78,7 @@ static void direction_at(const gbt_desired *desired, double angle, gbt_real *bea
     bearing[0] = c;
     bearing[1] = s;
 #else
-    /* a circle of radius sqrt(6)/3 that is lifted to sqrt(3)/3 along the axis */
-    const gbt_real lift = (gbt_real)(sqrt(3.0) / 3.0), radius = (gbt_real)(sqrt(6.0) / 3.0);
+    const gbt_real lift = (gbt_real)(sqrt(3.0) / 3.0), radius = (gbt_real)CIRCLE;
     gbt_real basis[GBT_AXES][D];
     gbt_tangent_basis(desired->axis, basis);
     for (int k = 0; k < D; k++) bearing[k] = lift * desired->axis[k] + radius * (c * basis[0][k] + s * basis[1][k]);
@@ -90,11 +96,8 @@ void gbt_desired_sweep(const gbt_desired *desired, double time, const gbt_real *
                        gbt_real target[GBT_PIECES + 1][GBT_DIMENSION], gbt_real bearings[GBT_PIECES][GBT_DIMENSION])
 {
     const double period = (double)GBT_PERIOD, reach = desired->across * period;
-    const double circle = GBT_DIMENSION == 2 ? 1.0 : sqrt(6.0) / 3.0;
-    const double radius = fmax(circle * (double)gbt_length(line), NEAREST);
-    double plane[2];
-    plane_of(desired, line, plane);
-    double angle = atan2(plane[1], plane[0]);
+    const double radius = fmax(CIRCLE * (double)gbt_length(line), NEAREST);
+    double angle = angle_of(desired, line), plane[2];
     for (int i = 0; i < GBT_PIECES; i++) {
         gbt_real moved[D];
         for (int k = 0; k < D; k++) moved[k] = target[i + 1][k] - target[i][k];

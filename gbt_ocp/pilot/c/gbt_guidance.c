@@ -56,7 +56,6 @@ static void desire(gbt_guidance *guidance, double time, gbt_real flat[GBT_JOINED
     } else if (gbt_pilot_numbers.begin_at_sight) {
         if (!guidance->legs_begun) gbt_desired_reverse_from(&guidance->desired, time, line, velocity);
         guidance->legs_begun = 1;
-        gbt_desired_begin_at(&guidance->desired, time, line);
         if (gbt_pilot_numbers.desired_across > 0) {
             gbt_real target[GBT_PIECES + 1][D];
             for (int i = 0; i <= GBT_PIECES; i++)
@@ -64,6 +63,7 @@ static void desire(gbt_guidance *guidance, double time, gbt_real flat[GBT_JOINED
             gbt_desired_sweep(&guidance->desired, time, line, target, bearings);
             return;
         }
+        gbt_desired_begin_at(&guidance->desired, time, line);
     }
     for (int i = 0; i < GBT_PIECES; i++)
         gbt_desired_at(&guidance->desired, time + (double)GBT_PERIOD * (i + 1), bearings[i]);
