@@ -20,7 +20,7 @@ from typing import Any
 DATA = Path(__file__).resolve().parents[1] / "docs" / "data"
 _FINDING = re.compile(r"- \*\*(.+?)\*\*: (.+?) Seen: (.+)")
 _PROGRESS = re.compile(r"\d+%\s*\|")
-"""Of a progress bar, which is no heading of what comes below it."""
+"""Of a progress bar, which belongs to no table, and is no heading of one."""
 
 _RULE = re.compile(r"\|(?:\s*:?-+:?\s*\|)+")
 
@@ -28,7 +28,8 @@ _RULE = re.compile(r"\|(?:\s*:?-+:?\s*\|)+")
 def tables_in(text: str) -> dict[str, dict[str, Any]]:
     """Markdown tables of a text by key, each with ``columns`` and ``rows`` of texts."""
     found: dict[str, dict[str, Any]] = {}
-    lines, above = text.splitlines(), "table"
+    lines = [line for line in text.splitlines() if line.startswith("|") or not _PROGRESS.search(line)]
+    above = "table"
     for number, line in enumerate(lines):
         follows = lines[number + 1].strip() if number + 1 < len(lines) else ""
         if line.startswith("|") and _RULE.fullmatch(follows):
@@ -42,7 +43,7 @@ def tables_in(text: str) -> dict[str, dict[str, Any]]:
                 copies += 1
                 key = f"{slug(above)}_{copies}"
             found[key] = {"columns": cells(line), "rows": rows}
-        elif line.strip() and not line.startswith("|") and not _PROGRESS.search(line):
+        elif line.strip() and not line.startswith("|"):
             above = line
     findings = [_FINDING.fullmatch(line.strip()) for line in lines]
     rows = [[part.replace("|", r"\|") for part in one.group(2, 3, 1)] for one in findings if one]

@@ -104,6 +104,8 @@ def test_data_is_written_from_what_a_command_printed(tmp_path):
     }
     bar = "sea2d:  50%|#####     | 2/4 [00:01<00:01]\n\n" + printed.partition("\n\n")[2]
     assert list(write_data.tables_in(bar)) == ["table", "more"]
+    cut = "| case | m |\n|---|---|\nsea2d: 100%|#####| 4/4 [00:02<00:00]\n| 100% | 0.5 |\n"
+    assert write_data.tables_in(cut) == {"table": {"columns": ["case", "m"], "rows": [["100%", "0.5"]]}}
     assert found["command"] == ["python benchmarks/x.py --seeds 4"]
     assert found["versions"] == {"python": "3.11", "numpy": "2.1"}
 
