@@ -431,6 +431,9 @@ def test_plans_by_integration_are_no_configuration_of_a_comparison(tmp_path):
 def test_shooting_takes_the_limits_at_sea_with_both_solvers():
     """Standoff, speed and yaw rate: compiled and IPOPT find the same plans, which keep the limits at the nodes."""
     overrides = ["planner.pieces=4", "limits.nodes=2", "duration_s=3.0"]
+    # a turn at the vehicle's fastest, with all of its thrust
+    overrides += ["limits.speed=4.0", "desired_bearing.speed_mps=sensor", "desired_bearing.period_s=auto"]
+    overrides += ["desired_bearing.reverse_s=12.0"]
     configuration = load_config("sea2d", overrides)
     problems = draw(configuration, 3)
     rows = {}

@@ -31,6 +31,7 @@ def test_a_vehicle_that_hears_nothing_runs_as_if_it_were_alone():
     """Byte by byte, with plans: the first of two has the random draws of one, and its tracker no late bearings."""
     settings = ["limits.hard=[range, speed, yaw_rate]", "limits.separation_m=null", "planner.objective=similarity"]
     settings += ["duration_s=6", "guidance={startup_deviation: 0.25, startup_speed: 3.0}"]
+    settings += ["limits.speed=3.4", "desired_bearing.speed_mps=2.7"]
     alone = gbt.run("sea2d", overrides=["duration_s=6", "tracker.kind=motion_gp"])
     deaf = gbt.run("sea2d_two", overrides=[*settings, "link.loss=1.0"])
     assert differing(alone.history, deaf.history) == []
