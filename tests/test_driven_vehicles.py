@@ -360,10 +360,9 @@ def test_a_torpedo_closes_the_loop():
     assert ahead.min() >= 0.8
     assert np.all(ahead >= 4.0 * np.abs(rate) - 0.05)
     assert np.nanmax(history.piece_thrust_peak) <= 1.0
-    # one plan of about nine runs out of iterations, and is driven: as far as it got, it keeps what the others keep
-    status = history.solver_status[history.planned]
-    assert np.all(np.isin(status, ("solved", "given up", "iteration limit")))
-    assert np.mean(status == "iteration limit") < 0.2
+    # all plans begin inside the standoff, and each goes on from the last one, which leads out already
+    assert np.all(np.isin(history.solver_status[history.planned], ("solved", "given up")))
+    assert np.median(history.solver_iterations[history.planned]) <= 12
     assert history.planned.sum() >= 3
     assert np.nanmax(history.off_plan) < 0.5
     assert np.all(np.isfinite(history.power))

@@ -114,6 +114,14 @@ def test_a_long_plan_that_begins_far_inside_a_limit_does_not_go_on_from_the_last
     cold = plan(state, distance)
     assert warm.status == ("given up" if anew else "solved")
     assert np.array_equal(warm.endpoints, cold.endpoints) == anew
+    if anew:  # the one after it goes on from a plan that leads out already
+        moved = cold.trajectory.knots[1]
+        distance -= moved[0, 0] - state[0, 0]
+        later = plan(moved, distance)
+        planner.reset()
+        again = plan(moved, distance)
+        assert max(later.broken_at_start.values()) > 0.1
+        assert not np.array_equal(later.endpoints, again.endpoints)
 
 
 @pytest.mark.slow

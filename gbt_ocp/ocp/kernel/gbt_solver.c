@@ -15,7 +15,7 @@
 #define TAIL_ITERATIONS 8
 #define COLDER ((gbt_real)10) /* mu of the first part of a cold guess over that of a cold start */
 #define REACH ((gbt_real)20)  /* decrease that Newton's step may promise from a warm guess, for each side in units of mu */
-#define BROKEN ((gbt_real)0.1) /* of a hard limit where a plan begins, in its units: the last plan was made without that */
+#define BROKEN ((gbt_real)0.1) /* of a hard limit where a plan begins, in its units: more than a follower is off */
 
 /* Whether inputs alone may bound a trajectory. */
 #if GBT_SHOOTING && GBT_BOX >= 0
@@ -137,14 +137,23 @@ static gbt_status answer(const gbt_settings *settings, gbt_real mu, gbt_real rea
     return gbt_minimise_within_limits(settings, mu, reach, settings->deadline, work, result);
 }
 
-/* Whether a hard limit is broken far where the plan begins. A last plan that led there was for a target that is believed
-   to be elsewhere now, and what is left of it goes on breaking the limit: a cold guess is nearer to a way out. */
-static int begins_broken(const gbt_real *start, const gbt_real *parameters)
+/* Whether a hard limit is broken far where the plan begins, and a guess leads further in. A last plan that led there was
+   for a target that is believed to be elsewhere now: a cold guess is nearer to a way out. One that was made inside the
+   limit already leads out, and is the best guess there is. */
+static int leads_further_in(const gbt_real *start, const gbt_real *parameters, const gbt_real *guess)
 {
-    gbt_real broken[GBT_LIMITS + 1];
-    gbt_broken_at_start(start, parameters + GBT_LIMIT_NUMBERS, broken);
+    const gbt_real *moving = parameters + GBT_LIMIT_NUMBERS;
+    gbt_real broken[GBT_LIMITS + 1], top[GBT_PIECES * GBT_FREE], worst[GBT_PIECES][GBT_LIMITS + 1];
+    int far = 0;
+    gbt_broken_at_start(start, moving, broken);
     for (int q = 0; q < GBT_LIMITS; q++)
-        if (gbt_limits[q].hard && broken[q] > BROKEN) return 1;
+        if (gbt_limits[q].hard && broken[q] > BROKEN) far = 1;
+    if (!far) return 0;
+    for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) top[k] = guess[k] * gbt_input_scale[k % GBT_FREE];
+    gbt_survey(start, top, GBT_PIECES, GBT_NODES, moving, worst);
+    for (int q = 0; q < GBT_LIMITS; q++)
+        for (int i = 0; i < GBT_PIECES; i++)
+            if (gbt_limits[q].hard && broken[q] > BROKEN && worst[i][q] > broken[q]) return 1;
     return 0;
 }
 
@@ -174,7 +183,7 @@ gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const 
 
     for (int q = 0; q < GBT_LIMITS; q++) work->tightening[q] = tightening[q];
     for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) work->guess[k] = u[k];
-    if (in_parts && warm == GBT_WARM && begins_broken(start, parameters)) {
+    if (in_parts && warm == GBT_WARM && leads_further_in(start, parameters, u)) {
         warm = GBT_COLD_START;
         begin_again(start, 0, u, work->guess);
     }
