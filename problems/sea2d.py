@@ -36,7 +36,7 @@ problem = TrackingProblem(
             "range_pull": 0.05,
             "range_reference_m": 38.0,
             # an endpoint 20 s ahead moves by hundreds of metres where a scaled unknown moves by one
-            "solver_options": {"compiled": {"tolerance": 3.0e-3, "gap": 5.0e-2, "deadline": 150}},
+            "solver_options": {"compiled": {"tolerance": 3.0e-3, "gap": 5.0e-2, "deadline": 100}},
         },
         "limits": {
             "range": {
