@@ -28,7 +28,12 @@ _RULE = re.compile(r"\|(?:\s*:?-+:?\s*\|)+")
 def tables_in(text: str) -> dict[str, dict[str, Any]]:
     """Markdown tables of a text by key, each with ``columns`` and ``rows`` of texts."""
     found: dict[str, dict[str, Any]] = {}
-    lines = [line for line in text.splitlines() if line.startswith("|") or not _PROGRESS.search(line)]
+    lines: list[str] = []
+    for line in text.splitlines():
+        if line.startswith("|") or not _PROGRESS.search(line):
+            lines.append(line)
+        elif lines and not lines[-1].strip():
+            lines.pop()  # with the empty line that the bar of a resumed sweep begins with: the table goes on after it
     above = "table"
     for number, line in enumerate(lines):
         follows = lines[number + 1].strip() if number + 1 < len(lines) else ""

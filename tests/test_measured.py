@@ -119,3 +119,10 @@ def test_a_table_without_rows_is_refused_and_not_written(tmp_path, capsys):
         )
     assert "found a table 'table' without rows" in capsys.readouterr().err
     assert not (tmp_path / "data").exists()
+
+
+def test_a_table_goes_on_after_a_progress_bar_that_begins_with_an_empty_line():
+    """As a sweep prints it that found its runs done; an empty line without a bar ends a table."""
+    bar = "\nsweep: 100%|####| 60/60\n"
+    found = write_data.tables_in(f"| case | m |\n|---|---|\n{bar}| 1 | 0.5 |\n{bar}| 2 | 0.7 |\n\n| 3 | 0.9 |\n")
+    assert found == {"table": {"columns": ["case", "m"], "rows": [["1", "0.5"], ["2", "0.7"]]}}

@@ -17,6 +17,7 @@ from gbt_ocp.ocp.codegen.library import build_library, find_compiler, kernel_fil
 from gbt_ocp.ocp.codegen.problem_source import generate_problem
 from gbt_ocp.ocp.export.folder import write_c
 from gbt_ocp.ocp.export.verification import verify_folder
+from gbt_ocp.ocp.ladder import Ladder, _Given
 from gbt_ocp.tracking.protocol import Forecast
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
@@ -149,6 +150,31 @@ def test_braking_in_c_is_braking_in_python(degree):
         np.testing.assert_allclose(found[:2], expected[:2], rtol=1e-9, atol=1e-9)
         # each piece magnifies what rounding did to those before it
         np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
+
+
+def test_what_serves_better_than_braking_in_c_does_so_in_the_ladder():
+    """Random plans, also such as leave for infinity; braking itself is no worse than braking."""
+    planner = Planner(posed("hard"), "compiled")
+    problem, solver = planner.problem, planner.solver
+    library = ctypes.CDLL(str(build_library(kernel_files() | generate_problem(problem).files)))
+    ladder, rng, said = Ladder(problem, solver), np.random.default_rng(0), set()
+    for number, step in enumerate(steps(40, 7)):
+        start = planner.start(np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]]) + step["push"])
+        data = {name: step[name] for name in ("forecast", "present", "desired")}
+        objectives, limits = planner._binding.objective_parameters(data), planner._binding.limit_parameters(data)
+        braking = ladder._form.braking(start)
+        top = braking + rng.normal(size=braking.shape) * 10.0 ** rng.uniform(-4.0, 2.0) * (number % 4 > 0)
+        if number % 8 == 5:
+            top = top + 1.0e30
+        solver._call.fill(start, objectives, limits)
+        at = (array.ctypes.data for array in (solver._call.arrays["begin"], top, solver._call.arrays["numbers"]))
+        found = library.gbt_beats_braking(*map(ctypes.c_void_p, at))
+        given = _Given(start, objectives, limits, np.zeros(len(problem.constraints)))
+        assert bool(found) == ladder._beats_braking(given, ladder._form.trajectory(start, top))
+        if number % 8 == 5:
+            assert not found
+        said.add((number % 4 > 0, bool(found)))
+    assert {(True, True), (True, False), (False, True)} <= said
 
 
 @pytest.mark.long

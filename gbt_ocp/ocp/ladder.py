@@ -22,6 +22,9 @@ TIGHTENINGS = 4
 GAINED = 0.25
 """Share that a round of tightening gains of what it was asked for, at least: more is not made up for."""
 
+UNIT = 1.0
+"""Of a limit, by which a plan that gains more than braking may break it more."""
+
 FEASIBILITY = 1.0e-6
 """Limits besides thrust count as kept up to this, in their units."""
 
@@ -54,8 +57,9 @@ class Ladder:
     The first attempt starts from the rest of the previous plan. It is answered by what the solver had when its
     iterations were spent, or by that rest, if the first piece keeps the limits or mends what is broken already; by a
     cold solve; by what the solver had and then by that rest, if their first pieces keep the thrust limits or can be
-    brought within them; and by a braking plan. Any other failed solution is never executed and never a warm start. The
-    iterations are bounded by those the solver allows itself in each solve.
+    brought within them; and by a braking plan. What no solver finished must serve better than braking. Any other
+    failed solution is never executed and never a warm start. The iterations are bounded by those the solver allows
+    itself in each solve.
 
     Parameters
     ----------
@@ -88,12 +92,12 @@ class Ladder:
         first = self._attempt(given, coasting if rest is None else rest / self._scale, cold=rest is None)
         fallback, trajectory = "", first.trajectory
         iterations, tightened, unfinished = first.iterations, first.tightened, first.unfinished
-        if trajectory is None and unfinished is not None and self._keeps(given, unfinished):
+        if trajectory is None and unfinished is not None and self._serves(given, unfinished):
             # nearer to a solution than what it started from, and so is the next step that starts from it
             fallback, trajectory = "unfinished", unfinished
         if trajectory is None and rest is not None:
             candidate = self._form.trajectory(start, rest)
-            if self._keeps(given, candidate):
+            if self._serves(given, candidate):
                 fallback, trajectory = "shifted", candidate
         if trajectory is None and rest is not None:
             again = self._attempt(given, coasting, cold=True)
@@ -101,8 +105,8 @@ class Ladder:
             iterations, tightened = iterations + again.iterations, tightened + again.tightened
             unfinished = unfinished or again.unfinished
         if trajectory is None and unfinished is not None:
-            keeps = self._keeps(given, unfinished, thrust_only=True)
-            fallback, trajectory = "unfinished", unfinished if keeps else self._mended(given, unfinished)
+            serves = self._serves(given, unfinished, thrust_only=True)
+            fallback, trajectory = "unfinished", unfinished if serves else self._mended(given, unfinished)
         if trajectory is None and rest is not None:
             fallback, trajectory = "shifted", self._mended(given, self._form.trajectory(start, rest))
         if trajectory is None:
@@ -130,10 +134,33 @@ class Ladder:
             broken_at_start=given.broken,
         )
 
-    def _keeps(self, given: _Given, trajectory: Any, *, thrust_only: bool = False) -> bool:
-        """Whether the first piece keeps the limits but for what cannot be helped: those on thrust, or all."""
+    def _serves(self, given: _Given, trajectory: Any, *, thrust_only: bool = False) -> bool:
+        """Whether the first piece keeps the limits but for what cannot be helped, and the whole is better than braking.
+
+        The limits are those on thrust, or all.
+        """
         excess = self._excess(given, self._check.survey(trajectory, given.limits)[:, 0])
-        return not np.any(excess[self._thrust] > 0.0 if thrust_only else excess > 0.0)
+        if np.any(excess[self._thrust] > 0.0 if thrust_only else excess > 0.0):
+            return False
+        return self._beats_braking(given, trajectory)
+
+    def _beats_braking(self, given: _Given, trajectory: Any) -> bool:
+        """Not where it is not finite, breaks limits by a whole unit more, or by no less while it gains less."""
+        gain, broken = self._worth(given, trajectory)
+        if not np.isfinite([gain, broken]).all():
+            return False
+        braking = self._form.trajectory(given.start, self._form.braking(given.start))
+        gain_of_braking, broken_by_braking = self._worth(given, braking)
+        if not np.isfinite(gain_of_braking):
+            return True
+        return broken <= broken_by_braking + UNIT and not (broken >= broken_by_braking and gain < gain_of_braking)
+
+    def _worth(self, given: _Given, trajectory: Any) -> tuple[float, float]:
+        """What a plan gains, without penalty, and by how much it breaks the judged limits."""
+        if not np.all(np.isfinite(trajectory.knots)):
+            return -np.inf, np.inf
+        broken = self._check.survey(trajectory, given.limits)[self._judged]
+        return float(self._form.objective(trajectory, given.objectives)), float(np.max(broken, initial=0.0))
 
     def _mended(self, given: _Given, trajectory: Any) -> Any:
         """With a first piece that is brought within the thrust; ``None`` if that cannot be."""
@@ -141,7 +168,7 @@ class Ladder:
         if top is None:
             return None
         mended = self._form.trajectory(given.start, top)
-        return mended if self._keeps(given, mended, thrust_only=True) else None
+        return mended if self._serves(given, mended, thrust_only=True) else None
 
     def _excess(self, given: _Given, fine: Array) -> Array:
         """How far judged limits are broken in the first piece beyond what cannot be helped ``(count,)``, at least 0.
@@ -193,7 +220,7 @@ class Ladder:
         variables = solution.variables
         if status in OUT_OF_ITERATIONS and np.shape(variables) == guess.shape and np.all(np.isfinite(variables)):
             unfinished = self._form.trajectory(given.start, variables * self._scale)
-        if least > 0.0 and (best is None or (unfinished is not None and self._keeps(given, unfinished))):
+        if least > 0.0 and (best is None or (unfinished is not None and self._serves(given, unfinished))):
             return _Attempt(status, None, unfinished, iterations, tightened)
         usable = best if least <= 0.0 else self._mended(given, best)
         return _Attempt("solved" if usable is not None else status, usable, unfinished, iterations, tightened)

@@ -32,7 +32,7 @@ class AnyPlanner:
     first: :attr:`~gbt_ocp.ocp.plan.Plan.given_up` names them. A failed solve is answered, in this order, by what the
     solver had when its iterations were spent, or by the rest of the previous plan, if the next piece keeps the limits;
     by a cold solve; by what the solver had and then by that rest, if their first pieces keep the thrust limits or can
-    be brought within them; and by a braking plan.
+    be brought within them; and by a braking plan, which also answers where what no solver finished is no better.
 
     With the compiled solver all of that is done by the C code that :func:`gbt_ocp.ocp.export.folder.write_c` writes,
     with any other by :class:`gbt_ocp.ocp.ladder.Ladder`, which gives the same answers in the same order.

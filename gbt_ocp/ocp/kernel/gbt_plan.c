@@ -7,6 +7,7 @@
 #include "gbt_math.h"
 #include "gbt_moments.h"
 #include "gbt_places.h"
+#include "gbt_worth.h"
 
 enum { N = GBT_PIECES * GBT_FREE };
 #define GAINED ((gbt_real)0.25) /* by a round of tightening, at least: more is not made up for */
@@ -84,21 +85,21 @@ static gbt_real excess_of(const gbt_planner *planner, const gbt_plan_result *pla
     return fine > allowed ? fine - allowed : 0;
 }
 
-/* Whether the first piece of plan->top keeps the limits but for what cannot be helped: those on thrust, or all. */
-static int keeps_limits(const gbt_planner *planner, const gbt_real *state, const gbt_real *moving,
-                        const gbt_plan_result *plan, int thrust_only)
+/* Whether the first piece of plan->top keeps what limits can be helped, on thrust or all, and all of it beats braking. */
+static int serves(const gbt_planner *planner, const gbt_real *state, const gbt_real *parameters,
+                  const gbt_plan_result *plan, int thrust_only)
 {
     gbt_real fine[1][GBT_LIMITS + 1];
-    gbt_survey(state, &plan->top[0][0], 1, GBT_FINE_POINTS, moving, fine);
+    gbt_survey(state, &plan->top[0][0], 1, GBT_FINE_POINTS, parameters + GBT_LIMIT_NUMBERS, fine);
     for (int q = 0; q < GBT_LIMITS; q++)
         if (!(thrust_only && gbt_limits[q].kind != GBT_THRUST) && excess_of(planner, plan, q, fine[0][q]) > 0) return 0;
-    return 1;
+    return gbt_beats_braking(state, &plan->top[0][0], parameters);
 }
 
 /* Whether the first piece of plan->top can be brought within the thrust; it is then. */
-static int mends(const gbt_planner *planner, const gbt_real *state, const gbt_real *moving, gbt_plan_result *plan)
+static int mends(const gbt_planner *planner, const gbt_real *state, const gbt_real *parameters, gbt_plan_result *plan)
 {
-    return gbt_mend(state, &plan->top[0][0]) && keeps_limits(planner, state, moving, plan, 1);
+    return gbt_mend(state, &plan->top[0][0]) && serves(planner, state, parameters, plan, 1);
 }
 
 /* Solves from plan->top within so many iterations. While the piece that is to be executed breaks limits between the
@@ -156,9 +157,9 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
         warm = GBT_AGAIN;
     }
     if (least == GBT_INFINITY) return status;
-    if (least > 0 && status == GBT_ITERATION_LIMIT && keeps_limits(planner, state, moving, plan, 0)) return status;
+    if (least > 0 && status == GBT_ITERATION_LIMIT && serves(planner, state, parameters, plan, 0)) return status;
     keep(best, &plan->top[0][0]);
-    if (least <= 0 || mends(planner, state, moving, plan)) return GBT_SOLVED;
+    if (least <= 0 || mends(planner, state, parameters, plan)) return GBT_SOLVED;
     for (int k = 0; k < N; k++) plan->top[k / GBT_FREE][k % GBT_FREE] = u[k] * gbt_input_scale[k % GBT_FREE];
     return status;
 }
@@ -228,14 +229,14 @@ static void plan_from(gbt_planner *planner, const double *origin, const gbt_real
     if (found == GBT_ITERATION_LIMIT) {
         /* Nearer to a solution than what it started from, and so is the next step that starts from it. */
         some = keep(&plan->top[0][0], unfinished);
-        if (keeps_limits(planner, state, moving, plan, 0)) {
+        if (serves(planner, state, parameters, plan, 0)) {
             plan->origin = GBT_UNFINISHED;
             found = GBT_SOLVED;
         }
     }
     if (found != GBT_SOLVED && planner->warm) {
         resume(planner, origin, state, &plan->top[0][0]);
-        if (keeps_limits(planner, state, moving, plan, 0)) {
+        if (serves(planner, state, parameters, plan, 0)) {
             plan->origin = GBT_SHIFTED;
             found = GBT_SOLVED;
         }
@@ -248,14 +249,14 @@ static void plan_from(gbt_planner *planner, const double *origin, const gbt_real
     }
     if (found != GBT_SOLVED && some) {
         keep(unfinished, &plan->top[0][0]);
-        if (keeps_limits(planner, state, moving, plan, 1) || mends(planner, state, moving, plan)) {
+        if (serves(planner, state, parameters, plan, 1) || mends(planner, state, parameters, plan)) {
             plan->origin = GBT_UNFINISHED;
             found = GBT_SOLVED;
         }
     }
     if (found != GBT_SOLVED && planner->warm) {
         resume(planner, origin, state, &plan->top[0][0]);
-        if (mends(planner, state, moving, plan)) {
+        if (mends(planner, state, parameters, plan)) {
             plan->origin = GBT_SHIFTED;
             found = GBT_SOLVED;
         }
