@@ -13,8 +13,8 @@
    thrust allows, and plan.given_up says by how much. Where the solver fails, the answer is what it had when its
    iterations were spent if the first piece of that keeps the limits, the rest of the previous plan, a plan from a cold
    start, what the solver had and then that rest, if their first pieces keep the thrust limits or can be brought within
-   them, or a braking plan, in this order. What no solver finished must serve better than braking (gbt_worth.h). Nothing is allocated, and the solver's iterations of all attempts together are
-   at most settings.deadline. */
+   them, or a braking plan, in this order. What no solver finished must serve better than braking (gbt_worth.h). Nothing
+   is allocated, and the solver's iterations of all attempts together are at most settings.deadline. */
 #include "gbt_identity.h"
 
 #ifndef GBT_PLAN_H
