@@ -471,6 +471,7 @@ def folder(tmp_path_factory):
 
 def test_the_folder_has_the_pilot_for_both_ways_to_build_it(folder):
     lists = (folder / "CMakeLists.txt").read_text(encoding="utf-8")
+    assert "foreach(program example pilot_example)" in lists
     sources, rest = lists.split("STATIC", 1)[1].split(")", 1)
     headers = rest.split("install(FILES", 1)[1].split("DESTINATION", 1)[0].split()
     assert {f"src/{path.name}" for path in (folder / "src").glob("*.c")} == set(sources.split())

@@ -154,8 +154,8 @@ def _cmake_lists(sources: Mapping[str, str], names: Sequence[str]) -> str:
         included = re.findall(r'#include "(\w+\.h)"', sources[name])
         headers += [found for found in included if found in sources and found not in headers]
     text = _template("CMakeLists.txt")
-    for mark, names in (("@SOURCES@", units), ("@HEADERS@", sorted(headers))):
-        text = text.replace(mark, "\n  ".join(f"src/{name}" for name in names))
+    for mark, listed in (("@SOURCES@", units), ("@HEADERS@", sorted(headers))):
+        text = text.replace(mark, "\n  ".join(f"src/{name}" for name in listed))
     programs = (name.removesuffix(".c") for name in names if "/" not in name and name.endswith(".c"))
     text = text.replace("@PROGRAMS@", " ".join(programs))
     # CMake takes no more than the numbers of a version
