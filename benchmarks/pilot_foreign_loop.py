@@ -1,6 +1,6 @@
 """A foreign loop through the pilot (its own integrator and clock, late bearings, two sensors) against the built-in one.
 
-python benchmarks/pilot_foreign_loop.py [--seeds 20] [--seconds 180] [--problem sea2d]
+python benchmarks/pilot_foreign_loop.py [--first-seed 0] [--seeds 20] [--seconds 180] [--problem sea2d]
 
 The target, the vehicle's start and the number of bearings are those of the built-in loop. Navigations and commands come
 at random intervals, a third of the bearings late by up to a second. One of the two sensors counts its angles from the
@@ -151,13 +151,14 @@ def built_in(configuration: gbt.Configuration) -> float:
 def main() -> None:
     """Print a line a seed, then the ratio of the mean errors and the overhead."""
     parser = argparse.ArgumentParser()
+    parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--seconds", type=float, default=180.0)
     parser.add_argument("--problem", default="sea2d")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     rows = []
-    for seed in range(arguments.seeds):
+    for seed in range(arguments.first_seed, arguments.first_seed + arguments.seeds):
         configuration = gbt.load_config(arguments.problem, [f"duration_s={arguments.seconds}"], seed=seed)
         began = perf_counter()
         inside = built_in(configuration)
