@@ -6,7 +6,7 @@ The target, the vehicle's start and the number of bearings are those of the buil
 at random intervals, a third of the bearings late by up to a second. One of the two sensors counts its angles from the
 bow, where it is mounted. The vehicle is integrated by a Runge-Kutta method of its own under the thrust of the commands.
 
-Errors of bearings are drawn anew, and two runs of one seed differ by a third with them: the ratio of the means is
+Errors of bearings are drawn anew, and two runs of one seed differ by a quarter with them: the ratio of the means is
 printed with its interval, by drawing the seeds again. The built-in loop's bearings do not state their deviation, and
 the tracker counts `tracker.noise.std_deg`, which is larger; those of this loop state it, but for `--unstated`.
 """
