@@ -318,8 +318,9 @@ def instance(vehicle, seed):
     return np.stack(vehicle.flat(state)), SimpleNamespace(mean=mean, covariance=np.tile(np.eye(d), (4, 1, 1)))
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("thrust", ["held", "linear"])
+@pytest.mark.parametrize(
+    "thrust", [pytest.param("held", marks=pytest.mark.long), pytest.param("linear", marks=pytest.mark.slow)]
+)
 def test_several_steps_and_rates_compiled_as_by_ipopt(thrust, tmp_path):
     """Chain rule in C against CasADi's derivatives of the multiple-shooting program; and the generated folder."""
     known, vehicle = KNOWN_DRIVEN["torpedo2d"], KNOWN_DRIVEN["torpedo2d"].make()

@@ -112,9 +112,13 @@ OF_TIMES = {
 operations a measurement, a command or a plan."""
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
-    ("name", "change"), [("case2", "seed=0"), ("sea2d", "tracker.kind=motion_gp"), ("sea2d", "seed=0")]
+    ("name", "change"),
+    [
+        pytest.param("case2", "seed=0", marks=pytest.mark.long),
+        pytest.param("sea2d", "tracker.kind=motion_gp", marks=pytest.mark.slow),
+        pytest.param("sea2d", "seed=0", marks=pytest.mark.long),
+    ],
 )
 def test_the_arithmetic_of_a_float_pilot_calls_no_library_for_doubles(tmp_path, name, change):
     """On a floating-point unit for single precision: solver, factorisations, likelihood, rows and fits."""

@@ -120,6 +120,7 @@ def test_ipopt_finds_the_same_plans(dimension, thrust):
     assert np.mean(gaps) > -0.02
 
 
+@pytest.mark.long
 def test_path_limits_give_as_in_the_flat_form():
     """A zone that cannot be left in time gives, thrust does not; IPOPT's slack is the same."""
     vehicle = falcon(2)
