@@ -47,7 +47,7 @@ def posed(problem: TrajectoryProblem, form: str) -> PosedProblem:
         return problem
     if form == "degree 4, C1":
         return replace(problem, degree=4, continuity=1, hard=(HardLimit(limit, 8),))
-    shooting = ShootingProblem(problem.vehicle, problem.pieces, problem.period)
+    shooting = ShootingProblem(problem.vehicle, problem.pieces, problem.period, steps=1)
     for term in problem.objectives:
         shooting = shooting.maximize(term)
     return shooting.subject_to(limit)

@@ -173,7 +173,7 @@ class OurRunner:
             posed = replace(problem, degree=ours.degree, continuity=ours.continuity, hard=hard)
             self._solver = ours.solver(posed, {})
         else:
-            posed = ShootingProblem(problem.vehicle, problem.pieces, problem.period, thrust=ours.thrust)
+            posed = ShootingProblem(problem.vehicle, problem.pieces, problem.period, thrust=ours.thrust, steps=1)
             for objective in problem.objectives:
                 posed = posed.maximize(objective)
             posed = posed.subject_to(limit, nodes=1)
@@ -272,7 +272,7 @@ def closed_loop(case: str, name: str, seed: int, seconds: float, pieces: int) ->
         overrides += [f"planner.degree={ours.degree}", f"planner.continuity={'null' if ours.continuity is None else 1}"]
         overrides += [f"planner.nodes={ours.nodes}", f"planner.solver={ours.solver.name}"]
     else:
-        overrides += ["planner.form=shooting", f"planner.thrust={ours.thrust}", "planner.nodes=1"]
+        overrides += ["planner.form=shooting", f"planner.thrust={ours.thrust}", "planner.steps=1", "planner.nodes=1"]
     loop, start = build_loop(load_config(case, overrides=overrides, seed=seed))
     if name not in OURS:
         guidance: Any = loop.guidance  # the configurations plan

@@ -29,7 +29,7 @@ from gbt_ocp.simulation.loop import simulate
 SETTLING = 2.0
 """Seconds after which errors count."""
 
-SHOOTING = ("planner.form=shooting", "planner.nodes=1", "planner.solver=compiled")
+SHOOTING = ("planner.form=shooting", "planner.steps=1", "planner.nodes=1", "planner.solver=compiled")
 FORMS: dict[str, tuple[str, ...]] = {
     "degree 2": ("planner.solver=compiled",),
     "degree 4, C1": ("planner.degree=4", "planner.continuity=1", "planner.solver=compiled"),

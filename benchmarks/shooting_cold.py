@@ -100,7 +100,7 @@ class Optimality:
 
 def posed(problem: TrajectoryProblem, thrust: Literal["held", "linear"]) -> ShootingProblem:
     """The same problem by integration; the bounds of held and linear inputs hold throughout with one node a piece."""
-    found = ShootingProblem(problem.vehicle, problem.pieces, problem.period, thrust=thrust)
+    found = ShootingProblem(problem.vehicle, problem.pieces, problem.period, thrust=thrust, steps=1)
     for objective in problem.objectives:
         found = found.maximize(objective)
     return found.subject_to(problem.hard[0].constraint, nodes=1)

@@ -162,7 +162,7 @@ class ShotForm:
     def __init__(self, name: str, problem: TrajectoryProblem, thrust: Any) -> None:
         self.name = name
         self.problem = ShootingProblem(
-            problem.vehicle, problem.pieces, problem.period, thrust, objectives=problem.objectives, hard=problem.hard
+            problem.vehicle, problem.pieces, problem.period, thrust, 1, objectives=problem.objectives, hard=problem.hard
         )
         self.planner = self.problem.compile("compiled")
 

@@ -170,8 +170,9 @@ def test_a_wrong_objective_of_sums_is_one_line():
             problem.maximize(term)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("form", ["flat", "shooting"])
+@pytest.mark.parametrize(
+    "form", [pytest.param("flat", marks=pytest.mark.long), pytest.param("shooting", marks=pytest.mark.slow)]
+)
 def test_generated_c_says_what_python_says(form, tmp_path):
     if form == "flat":
         planner = flat_problem(MotionInformation(2, 6)).compile("compiled")

@@ -25,6 +25,7 @@ def program(request, tmp_path_factory):
     return request.param, program_of(place, sources, [folder / "src", folder], request.param)
 
 
+@pytest.mark.long
 def test_it_plans_on_a_microcontroller_what_was_recorded(program):
     precision, elf = program
     said = said_by(elf)

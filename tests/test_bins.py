@@ -90,6 +90,7 @@ def test_opposite_bearings_in_a_bin_leave_the_first():
     assert bins.means().bearings[0] == pytest.approx([1.0, 0.0])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_scatter_in_the_bins_is_the_noise_whatever_the_motion(dimension):
     found = []

@@ -94,6 +94,7 @@ def test_it_runs_clean_under_the_sanitizers(folder, tmp_path):
     assert verify_folder(folder, flags=flags).faults == ()
 
 
+@pytest.mark.long
 @of(PLANE)
 def test_make_builds_the_example_in_place(folder, tmp_path):
     copy = shutil.copytree(folder, tmp_path / "elsewhere")
@@ -137,6 +138,7 @@ def test_the_kernel_is_plain_c_without_allocation_or_state():
             pytest.fail(f"{name}: {line}")
 
 
+@pytest.mark.long
 @of(PLANE)
 def test_float_is_one_typedef_away(folder, tmp_path):
     copy = shutil.copytree(folder, tmp_path / "single")

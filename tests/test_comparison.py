@@ -240,6 +240,7 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path, jobs):
     assert not list(parts.glob(".*"))
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name != "posix", reason="sends a signal")
 def test_ctrl_c_while_problems_are_drawn_is_not_lost(tmp_path, monkeypatch):
     def pressed(*arguments):

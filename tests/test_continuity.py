@@ -131,6 +131,7 @@ def test_without_limits_it_is_the_optimum_of_a_general_minimiser():
     assert minimize(cost, u, method="BFGS", options={"maxiter": 10}).fun > -reached - 1e-6
 
 
+@pytest.mark.long
 def test_nodes_are_added_where_the_free_pieces_break_a_limit():
     problem = posed(2, 4, 1, 2)
     broken = 0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gbt_ocp.experiments.build.loop import build_loop
+from gbt_ocp.experiments.build.loop import build_loop, build_problem, build_vehicle
 from gbt_ocp.experiments.config.faults import ConfigurationError
 from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.experiments.config.vehicle import DRIVEN_BY_NAME, DRIVEN_DIMENSIONS, DRIVEN_INPUTS
@@ -246,7 +246,7 @@ def test_the_follower_comes_back_to_its_plan():
 def test_the_name_of_a_vehicle_brings_its_limits_along():
     configuration = load_config("sea2d", overrides=["vehicle.model=torpedo2d"])
     assert configuration.planner.form == "shooting"
-    assert configuration.planner.steps >= 5
+    assert build_problem(configuration, build_vehicle(configuration)).runge_kutta_steps == 5
     assert {"range", "speed", "input_rate", "speed_min", "turn_radius"} <= set(configuration.limits.hard)
     # legs of one and a half times half a turn at 1.4 times the least radius
     assert configuration.desired_bearing.reverse_s == round(1.5 * math.pi * 1.4 * 4.0 / 1.96)
@@ -318,8 +318,9 @@ def instance(vehicle, seed):
     return np.stack(vehicle.flat(state)), SimpleNamespace(mean=mean, covariance=np.tile(np.eye(d), (4, 1, 1)))
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("thrust", ["held", "linear"])
+@pytest.mark.parametrize(
+    "thrust", [pytest.param("held", marks=pytest.mark.long), pytest.param("linear", marks=pytest.mark.slow)]
+)
 def test_several_steps_and_rates_compiled_as_by_ipopt(thrust, tmp_path):
     """Chain rule in C against CasADi's derivatives of the multiple-shooting program; and the generated folder."""
     known, vehicle = KNOWN_DRIVEN["torpedo2d"], KNOWN_DRIVEN["torpedo2d"].make()

@@ -108,6 +108,7 @@ def test_no_semaphores_is_one_line(tmp_path, monkeypatch, capfd):
     )
 
 
+@pytest.mark.long
 def test_read_only_shared_memory_is_one_line(tmp_path):
     """A mount of its own, which this process alone sees."""
     script = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from gbt_ocp.cli.program import main; sys.exit(main())"

@@ -100,6 +100,7 @@ def test_without_a_solver_only_the_tracker_time_is_shown():
     assert [line.get_label() for line in figures["tracker_time"].axes[0].get_lines()] == ["tracker", "sampling period"]
 
 
+@pytest.mark.long
 def test_extreme_values_are_drawn_without_a_warning(tmp_path):
     # Zero errors, a bound that is never finite, a vehicle that stands still, one far estimate, a run of two samples.
     history = synthetic_run.history(steps=1)
@@ -139,6 +140,7 @@ def test_a_missing_value_is_named(tmp_path):
         write_figures(tmp_path)
 
 
+@pytest.mark.long
 def test_pyplot_is_never_loaded():
     here = Path(__file__).parent
     code = (

@@ -21,6 +21,7 @@ def loop(steps, seed=1):
     return names
 
 
+@pytest.mark.long
 def test_the_loop_closes_in_a_world_written_elsewhere(capsys):
     names = loop(400)
     health = names["command"].health

@@ -102,6 +102,7 @@ def test_damaged_text(tmp_path, examples):
     assert counts["accepted"] > 0.05 * examples
 
 
+@pytest.mark.long
 @few_and_many(100, 3000)
 def test_set_lines(examples):
     counts = fuzz(overrides(), lambda pair: outcome(lambda: load_config(*pair)), examples)
@@ -259,6 +260,7 @@ def test_turns_that_cannot_be_drawn_are_refused():
         build.build_target(tiny)
 
 
+@pytest.mark.long
 def test_the_bases_are_right_and_reach_every_section():
     trees = bases()
     assert len(trees) > 200

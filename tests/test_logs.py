@@ -84,6 +84,7 @@ def test_the_same_log_in_five_formats_gives_the_same_track(tmp_path, meridian, n
     assert np.linalg.norm(track.mean[-1] - log.target[-1]) < 5.0
 
 
+@pytest.mark.long
 def test_the_same_log_in_three_frames_gives_the_same_track(tmp_path):
     log = write.sailed()
     plane = followed(write.in_plane(tmp_path / "plane.csv", log), "x")

@@ -43,6 +43,7 @@ def warned(found):
     return {line.split(":")[0] for line in found.summary["warnings"] if "a quarter of the bearings" in line}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("apart", [60.0, 140.0])
 def test_two_contacts_without_a_column_are_warned_of_for_every_tracker(tmp_path, apart):
     log = write_log(tmp_path / "log.csv", apart)
@@ -51,6 +52,7 @@ def test_two_contacts_without_a_column_are_warned_of_for_every_tracker(tmp_path,
     assert warned(found) == set(TRACKERS)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("apart", [4.0, 8.0])
 def test_contacts_that_are_near_are_told_apart_by_a_sensor_of_little_noise(tmp_path, apart):
     log = write_log(tmp_path / "log.csv", apart, std=0.3)

@@ -267,6 +267,7 @@ def recorded(case, *overrides):
     return loop, simulate(loop, start, configuration.duration_s).arrays
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", ["case3", "case6"])
 def test_five_degrees_of_noise_do_not_lose_the_target(case):
     loop, arrays = recorded(case, "duration_s=5.0", "sensor.noise_deg=5.0")

@@ -90,6 +90,7 @@ def held_against(name, count, seed):
     return words, different
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["hard", "penalty"])
 def test_the_ladder_takes_the_steps_of_the_generated_c(name):
     words, different = held_against(name, 60, 4)
@@ -135,6 +136,7 @@ def test_the_ladder_takes_ten_thousand_steps_of_the_generated_c(name, seed):
     assert different <= 16
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("degree", [2, 3])
 def test_braking_in_c_is_braking_in_python(degree):
     problem = (
@@ -152,6 +154,7 @@ def test_braking_in_c_is_braking_in_python(degree):
         np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.long
 def test_what_serves_better_than_braking_in_c_does_so_in_the_ladder():
     """Random plans, also such as leave for infinity; braking itself is no worse than braking."""
     planner = Planner(posed("hard"), "compiled")

@@ -58,6 +58,7 @@ def test_the_wheel_carries_the_package_the_problems_and_the_configurations(wheel
     assert any(name.endswith("licenses/LICENSE") for name in metadata)
 
 
+@pytest.mark.long
 def test_the_wheel_runs_away_from_the_checkout(wheel, tmp_path):
     site, elsewhere = tmp_path / "site", tmp_path / "elsewhere"
     zipfile.ZipFile(wheel).extractall(site)

@@ -354,6 +354,7 @@ def driven(pilot, first, count):
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "overrides"), KINDS)
 def test_a_pilot_that_was_saved_goes_on_bit_by_bit(name, overrides, tmp_path):
     pilot = gbt.Pilot(loaded(name, overrides))

@@ -74,8 +74,10 @@ TRACKERS = {
 which floats are not, and sees little of the range here."""
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("name", TRACKERS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.long if name == "motion_gp" else pytest.mark.slow) for name in TRACKERS],
+)
 def test_a_float_far_from_the_origin_knows_what_a_double_knows(name):
     """Past the target at 25 m/s, from 9 km to 10.5 km of the origin: it moves several times."""
     problem, changes, within = TRACKERS[name]

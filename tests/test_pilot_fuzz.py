@@ -71,6 +71,7 @@ def given(statuses):
     return min(count for place, count in enumerate(statuses) if place != NO_PLAN) > 0
 
 
+@pytest.mark.long
 def test_a_few_sequences_are_answered(tmp_path):
     statuses, answers, notes = sound(program_of(tmp_path, "motion_gp in the plane", ["-O0"]), 150)
     assert given(statuses)

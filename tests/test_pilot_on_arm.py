@@ -6,7 +6,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from arm_board import ARM, COMPILER, FLAGS, MACHINE, NEEDED, UNITS, program_of, said_by
+from arm_board import ARM, COMPILER, FLAGS, MACHINE, NEEDED, SMALL, UNITS, program_of, said_by
 from pilots_in_c import files_of
 
 import gbt_ocp as gbt
@@ -66,6 +66,42 @@ def test_commands_on_a_microcontroller_are_those_of_python(tmp_path, name, chang
     print(name, precision, f"mean {took.mean():.4g} most {took.max():.4g}", sizes)
 
 
+CALLER = """
+#include "gbt_pilot.h"
+static gbt_pilot pilot;
+static gbt_command command;
+static volatile double time;
+static volatile gbt_real number;
+int main(void)
+{
+    gbt_real numbers[2 * GBT_POSE];
+    gbt_sensor_pose sensor = {0};
+    for (int k = 0; k < 2 * GBT_POSE; k++) numbers[k] = number;
+    sensor.frame = GBT_AS_CONFIGURED;
+    gbt_pilot_init(&pilot);
+    gbt_pilot_navigate(&pilot, time, numbers, numbers + GBT_POSE, 0);
+    gbt_pilot_measure(&pilot, (gbt_kind)(int)time, numbers, numbers, &sensor, time);
+    gbt_pilot_command(&pilot, time, &command);
+    return command.thrust[0] > number;
+}
+"""
+"""A program of the pilot and little else."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_the_pilot_at_sea_fits_into_64_kb_of_flash(tmp_path, precision):
+    """Code and constants of everything but the C library, which is not compiled for the link."""
+    for file, text in files_of(build_pilot(gbt.load_config("sea2d"))).items():
+        (tmp_path / file).write_text(text, encoding="utf-8")
+    (tmp_path / "caller.c").write_text(CALLER)
+    program_of(tmp_path, [*sorted(tmp_path.glob("gbt_*.c")), tmp_path / "caller.c"], [tmp_path], precision, SMALL)
+    placed = (tmp_path / "map").read_text().split("Linker script and memory map")[1]
+    parts = re.findall(r"^ \.(?:text|rodata|data)\S*\s+0x[0-9a-f]+\s+(0x[0-9a-f]+) \S*ltrans", placed, re.MULTILINE)
+    flash = sum(int(size, 16) for size in parts)
+    assert 50000 < flash < 64000
+
+
 OF_TIMES = {
     *("decide", "desired", "gaps", "guidance", "intake", "origin", "own_track", "pilot", "trajectory", "watch"),
     *("bins", "motion_gp", "motions", "polar", "shape_rows", "singles", "track_memory", "ekf", "gp"),
@@ -76,9 +112,13 @@ OF_TIMES = {
 operations a measurement, a command or a plan."""
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
-    ("name", "change"), [("case2", "seed=0"), ("sea2d", "tracker.kind=motion_gp"), ("sea2d", "seed=0")]
+    ("name", "change"),
+    [
+        pytest.param("case2", "seed=0", marks=pytest.mark.long),
+        pytest.param("sea2d", "tracker.kind=motion_gp", marks=pytest.mark.slow),
+        pytest.param("sea2d", "seed=0", marks=pytest.mark.long),
+    ],
 )
 def test_the_arithmetic_of_a_float_pilot_calls_no_library_for_doubles(tmp_path, name, change):
     """On a floating-point unit for single precision: solver, factorisations, likelihood, rows and fits."""

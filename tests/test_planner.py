@@ -217,6 +217,7 @@ def test_later_pieces_may_break_the_limits_and_are_reported():
     assert plan.violation > 1.0
 
 
+@pytest.mark.long
 def test_tightening_ends_and_counts_as_a_failure():
     tries = [solved(just_over(0.2))] * (TIGHTENINGS + 1)
     planner, script = planner_with(solved(FINE), *tries)
@@ -228,6 +229,7 @@ def test_tightening_ends_and_counts_as_a_failure():
     assert len(script.asked) == TIGHTENINGS + 2
 
 
+@pytest.mark.long
 def test_a_tightened_solve_that_fails_counts_as_a_failure():
     planner, _ = planner_with(solved(FINE), solved(just_over(0.2)), failed("Infeasible"))
     first = planner.solve(REST, **numbers())
@@ -235,6 +237,7 @@ def test_a_tightened_solve_that_fails_counts_as_a_failure():
     assert (plan.status, plan.fallback, plan.tightened) == ("Infeasible", "shifted", 1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("last", [[solved(just_over(0.03))] * TIGHTENINGS, [failed("Infeasible")]])
 def test_the_solution_that_breaks_the_thrust_least_is_mended_where_tightening_does_not_help(last):
     planner, _ = planner_with(solved(FINE), solved(just_over(0.02)), *last)

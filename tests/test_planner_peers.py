@@ -59,6 +59,7 @@ def by_hand(ends, data, pull=0.2):
     return total
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_held_thrust_is_judged_where_the_simulated_vehicle_gets(dimension):
     from peers.judge import Judge
@@ -77,6 +78,7 @@ def test_held_thrust_is_judged_where_the_simulated_vehicle_gets(dimension):
     assert peak == pytest.approx(np.abs(held).max(), abs=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_held_acceleration_is_judged_on_its_parabolas(dimension):
     from peers.judge import Judge
@@ -105,6 +107,7 @@ PEERS = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "module"), PEERS)
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_peer_reaches_what_our_multiple_shooting_reaches(name, module, dimension):

@@ -247,6 +247,7 @@ def test_interacting_models_that_do_not_turn_are_an_extended_filter(name):
 # ---- the benchmark --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_benchmark_is_measured_reported_and_resumed(tmp_path):
     chosen = {"scenarios": ["ristic_moderate", "ning_5b"], "trackers": ["ekf", "particles_exact"], "runs": 2}
     done = benchmark(**chosen, out=tmp_path / "one", jobs=1)

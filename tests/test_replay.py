@@ -223,6 +223,7 @@ def test_a_log_becomes_a_track_a_table_and_figures(tmp_path, capsys, dimension):
     assert again.tracks[0].mean[-1] == pytest.approx(position[-1], rel=1e-4)
 
 
+@pytest.mark.long
 def test_without_a_truth_there_are_no_errors_and_still_a_track(tmp_path):
     path = log_of(tmp_path / "log.csv", truth=False, duration=20.0)
     found = replay(path, QUICK, bearing_from="x")

@@ -99,7 +99,7 @@ def replayed(program):
 
 @needs_compilers
 @pytest.mark.parametrize(
-    "dimension", [pytest.param("plane", marks=pytest.mark.slow), pytest.param("space", marks=pytest.mark.long)]
+    "dimension", [pytest.param("plane", marks=pytest.mark.long), pytest.param("space", marks=pytest.mark.slow)]
 )
 def test_the_node_gives_the_commands_of_the_pilot_in_a_closed_loop(dimension, request):
     _, program = request.getfixturevalue(dimension)

@@ -201,6 +201,7 @@ def stopped(tmp_path, number):
         process.wait()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 def test_a_killed_run_leaves_nothing(tmp_path):
     code, _, out = stopped(tmp_path, signal.SIGKILL)

@@ -101,6 +101,7 @@ def test_a_run_folder_is_as_open_as_any_other_folder(tmp_path):
     assert folder.stat().st_mode == (tmp_path / "plain").stat().st_mode
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name != "posix", reason="SIGKILL is POSIX")
 def test_killed_while_writing_leaves_no_run_and_the_next_save_clears_up(tmp_path):
     # The child stops in the middle: history and summary are written, figures are not.
@@ -129,6 +130,7 @@ def test_killed_while_writing_leaves_no_run_and_the_next_save_clears_up(tmp_path
     assert sorted(entry.name for entry in tmp_path.iterdir()) == [".other.partial-elsewhere-1-ab", "run"]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name != "posix", reason="SIGKILL is POSIX")
 def test_killed_at_any_moment_every_final_folder_is_whole(tmp_path):
     child = python(

@@ -82,6 +82,7 @@ def test_the_ledger_counts_what_the_solver_did(tmp_path):
     assert ["12", "Infeasible_Problem_Detected", "none", "17", "140"] in rows
 
 
+@pytest.mark.long
 def test_times_of_a_long_run_keep_their_digits(tmp_path):
     history = synthetic_run.history(2, steps=150)
     history = dataclasses.replace(history, t=history.t + 86_400.0)

@@ -1,6 +1,7 @@
 """Trajectories by integration: the compiled solver against finite differences, an independent integrator and IPOPT."""
 
 import itertools
+from dataclasses import replace
 from types import SimpleNamespace
 
 import casadi as ca
@@ -13,9 +14,12 @@ from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull, sigma_points, sigma_weights
 from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.models.vehicles import PlanarPointMass
-from gbt_ocp.ocp import KeepOut, ShootingProblem, SpeedLimit, ThrustLimit, write_c
+from gbt_ocp.ocp import KeepOut, ShootingProblem, SpeedLimit, ThrustLimit, YawRateLimit, write_c
 from gbt_ocp.ocp.codegen.library import find_compiler
 from gbt_ocp.ocp.export.verification import verify_folder
+from gbt_ocp.ocp.integration_steps import FASTER, stable_steps
+from gbt_ocp.ocp.ladder import Ladder, _Given
+from gbt_ocp.ocp.shot import Shots
 from gbt_ocp.simulation.loop import simulate
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
@@ -28,9 +32,9 @@ def falcon(dimension: int) -> FossenVehicle:
     return FossenVehicle(parameters, [5000.0] * dimension + [1500.0])
 
 
-def posed(dimension: int, pieces: int = 5, **form) -> ShootingProblem:
+def posed(dimension: int, pieces: int = 5, steps: int | None = 1, **form) -> ShootingProblem:
     vehicle = falcon(dimension)
-    problem = ShootingProblem(vehicle, pieces, PERIOD, **form).maximize(BearingSimilarity(dimension))
+    problem = ShootingProblem(vehicle, pieces, PERIOD, steps=steps, **form).maximize(BearingSimilarity(dimension))
     return problem.maximize(RangePull(dimension)).subject_to(ThrustLimit(vehicle, GAMMA))
 
 
@@ -116,6 +120,7 @@ def test_ipopt_finds_the_same_plans(dimension, thrust):
     assert np.mean(gaps) > -0.02
 
 
+@pytest.mark.long
 def test_path_limits_give_as_in_the_flat_form():
     """A zone that cannot be left in time gives, thrust does not; IPOPT's slack is the same."""
     vehicle = falcon(2)
@@ -210,6 +215,51 @@ def test_what_does_not_fit_is_refused():
         ShootingProblem(Immobile(), 3, 0.1)
 
 
+def test_pieces_take_as_many_steps_as_are_stable_at_all_speeds_of_the_vehicle():
+    """Against an adaptive integrator, from the speeds that full thrust leads to and a quarter more."""
+    problem = posed(2, steps=None)
+    assert problem.runge_kutta_steps == 2
+    vehicle, rng = problem.vehicle, np.random.default_rng(0)
+    shots, single = Shots(problem), Shots(posed(2, steps=1))
+    off, off_by_one = [], []
+    for _ in range(40):
+        held = vehicle.thrust_max * rng.choice([-1.0, 1.0], 3)
+
+        def after(state, thrust, seconds):
+            return solve_ivp(lambda t, x: vehicle.rates(x, thrust), (0.0, seconds), state, rtol=1e-8).y[:, -1]
+
+        state = after(np.zeros(6), held, rng.uniform(0.1, 0.8)) * [0.0, 0.0, 0.0, *[FASTER] * 3]
+        exact = after(state, -held, PERIOD)
+        with np.errstate(over="ignore", invalid="ignore"):
+            ends = [np.asarray(one.end(np.concatenate([state, -held]))) for one in (shots, single)]
+        off.append(np.abs(ends[0] - exact).max() / np.abs(exact - state).max())
+        off_by_one.append(np.abs(ends[1] - exact).max() / np.abs(exact - state).max())
+    assert max(off) < 0.1
+    assert max(off_by_one) > 1.0
+
+
+def test_fast_starts_are_planned_from():
+    planner = posed(2, steps=None).compile("compiled")
+    for seed in range(12):
+        data = cold(2, 5, seed)
+        data["state"][1] = [0.5, 6.0, 1.0]
+        planner.reset()
+        plan = planner.solve(**data)
+        assert plan.solved, plan.status
+        assert np.abs(plan.knots[1, 1]).max() < 6.0
+
+
+def test_limits_on_speeds_spare_steps():
+    vehicle = falcon(2)
+    free = stable_steps(vehicle, 1.0)
+    slow = stable_steps(vehicle, 1.0, [SpeedLimit(2, 2.0), YawRateLimit(2, 0.5)])
+    assert 2 < slow < free / 2
+    assert stable_steps(vehicle, 1.0, [KeepOut((0.0, 0.0), 1.0)]) == free
+    problem = ShootingProblem(vehicle, 3, 1.0).maximize(RangePull(2)).subject_to_penalty(SpeedLimit(2, 2.0))
+    assert problem.subject_to(YawRateLimit(2, 0.5)).runge_kutta_steps == slow
+    assert replace(problem, steps=4).runge_kutta_steps == 4
+
+
 @pytest.mark.parametrize("thrust", ["held", "linear"])
 def test_the_form_is_a_key_of_the_planner(thrust):
     overrides = ["planner.form=shooting", f"planner.thrust={thrust}", "planner.formulation=hard"]
@@ -252,6 +302,23 @@ def test_a_step_in_two_parts_comes_near_the_plan_in_one(dimension, thrust):
         # the vehicle is pushed a little from where the plan led
         state = plan.knots[1] + 1e-3 * rng.normal(size=plan.knots[1].shape)
     assert np.median(losses) < 5e-3, losses
+
+
+def test_the_second_part_of_a_step_serves_better_than_braking():
+    """Pushed off its plan, two iterations are not enough; a plan that has not converged must beat doing nothing."""
+    planner = posed(2).compile("compiled")
+    ladder, rng, said = Ladder(planner.problem, planner.solver), np.random.default_rng(100), set()
+    state = np.array([[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    for step in range(60):
+        data, start = drifting(2, 5, step), planner.start(state)
+        plan = planner.feedback(state, **data)
+        given = _Given(start, planner._binding.objective_parameters(data), [], np.zeros(1))
+        assert ladder._beats_braking(given, planner.previous)
+        assert (plan.status == "solved") == (plan.fallback == "")
+        said.add(plan.fallback)
+        planner.prepare()
+        state = plan.knots[1] + 0.5 * rng.normal(size=(2, 3)) * (rng.random() < 0.4)
+    assert said == {"", "braking"}
 
 
 def test_only_the_compiled_solver_takes_a_step_in_parts():

@@ -16,6 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 
 
+@pytest.mark.long
 def test_the_drawing_of_the_rooms_is_that_of_the_code():
     """After a change: ``python docs/draw_rooms.py``."""
     spec = importlib.util.spec_from_file_location("draw_rooms", DOCS / "draw_rooms.py")

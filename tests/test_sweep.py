@@ -125,6 +125,7 @@ class Stops:
             yield job, function(job)
 
 
+@pytest.mark.long
 def test_an_interrupted_sweep_goes_on_where_it_stopped(done, tmp_path, monkeypatch):
     plan = plan_sweep(SHORT, runs=3, grid=GRID)
     folder = tmp_path / "again"
@@ -357,6 +358,7 @@ def test_interrupt_keeps_what_is_finished_and_says_how_to_go_on(tmp_path, jobs):
     assert 3 <= len(table(folder)) < 300
 
 
+@pytest.mark.long
 def test_the_command_prints_the_table_and_judges_the_runs(tmp_path, monkeypatch, capsys):
     short = ["--set", "duration_s=0.5", "guidance.kind=random", "--jobs", "1", "--quiet"]
     folder = tmp_path / "sweep"

@@ -38,6 +38,23 @@ def test_it_goes_forth_and_back_across_the_line_of_sight():
     assert line[1600] == pytest.approx(line[0])
 
 
+@pytest.mark.parametrize("rate", [0.1, -0.1])
+@pytest.mark.parametrize("late", [0.0, 0.3, 0.49, 0.51, 0.8])
+def test_plans_that_do_not_begin_with_a_leg_turn_at_their_knots(late, rate):
+    """Bearings at the ends of pieces reach as far as legs of 8 s do, whenever in its first second the plan begins."""
+    turn = DesiredBearing(2, rate, reverse=8.0)
+    swept = SweptBearing(turn, 2.0).sweeping_from(late, [36.0, 0.0], np.zeros((21, 2)), 1.0)
+    steps = np.round(np.diff(swept.angles) * 36.0 / 2.0 * math.copysign(1.0, rate), 9)
+    turns = round(8.0 - late)
+    assert np.array_equal(steps, [1.0] * turns + [-1.0] * 8 + [1.0] * (12 - turns))
+
+
+def test_legs_within_a_piece_are_averaged():
+    turn = DesiredBearing(2, 0.1, reverse=0.4)
+    swept = SweptBearing(turn, 2.0).sweeping_from(0.0, [36.0, 0.0], np.zeros((3, 2)), 1.0)
+    assert np.allclose(np.diff(swept.angles), np.array([0.2, 0.2]) * 2.0 / 36.0)
+
+
 def test_a_target_that_is_faster_is_still_seen_from_the_side():
     own, target, period = paths(2, [4.0 * math.cos(0.7), 4.0 * math.sin(0.7)], 2.9)
     across = np.diff(np.unwrap(np.arctan2(*(target - own).T[::-1])))[0] * 36.0 / period

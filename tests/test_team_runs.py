@@ -44,6 +44,7 @@ def test_a_vehicle_that_hears_nothing_runs_as_if_it_were_alone():
     assert "forecast_mean" in differing(alone.history, hearing.history)
 
 
+@pytest.mark.long
 def test_what_is_heard_is_what_was_sent_and_repeats():
     result, again = (gbt.run("sea2d_two", overrides=CHEAP) for _ in range(2))
     for name, other in {"one": result, **result.others}.items():

@@ -111,6 +111,7 @@ def test_fig7_finds_errors_that_fall_with_the_window_and_rise_with_the_forecast(
     assert verdicts(report, "increases with n") == [False, False]
 
 
+@pytest.mark.long
 def test_fig7_on_real_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(fig7, "CASES", ("case1",))
     monkeypatch.setattr(fig7, "WINDOW_LENGTHS", (6, 12))

@@ -69,6 +69,7 @@ def test_a_new_constraint(tmp_path):
     assert np.linalg.norm(history.target, axis=1).max() > 2.9
 
 
+@pytest.mark.long
 def test_a_new_objective(tmp_path):
     cheap = result_of("new_objective", tmp_path)
     plain = run("case2", overrides=["duration_s=20", "planner.formulation=hard", "planner.pieces=10"])

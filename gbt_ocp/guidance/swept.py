@@ -24,6 +24,9 @@ LEAST_ACROSS = 0.3
 NEAREST_LINE = 1e-9
 """Distance in metres below which a line of sight turns no faster."""
 
+WITHIN = 1e-9
+"""Part of a piece nearer than which to its ends a reversal counts as at an end: times are rounded."""
+
 
 @dataclass(frozen=True)
 class SweptBearing:
@@ -68,6 +71,9 @@ class SweptBearing:
     def sweeping_from(self, time: float, line: ArrayLike, target: ArrayLike, period: float) -> SweptBearing:
         """The bearing from a time on, for where the target is believed to go.
 
+        A reversal that falls within a period is at the nearer end of it: a plan that is told bearings at the ends alone
+        would cut the corner. Legs that are shorter than a period are averaged over it.
+
         Parameters
         ----------
         time
@@ -80,7 +86,10 @@ class SweptBearing:
             In seconds.
         """
         knots = np.asarray(time + period * np.arange(len(np.asarray(target))), dtype=float)
-        forth = math.copysign(1.0, self.turn.rate) * np.diff(self.turn.turned(knots)) / period
+        forth = np.diff(self.turn.turned(knots)) / period
+        if self.turn.reverse >= period:
+            forth = np.where(np.abs(forth) < 1.0 - WITHIN, np.copysign(1.0, forth), forth)
+        forth *= math.copysign(1.0, self.turn.rate)
         radius = max(horizontal_radius(self.turn.dimension, float(np.linalg.norm(line))), NEAREST_LINE)
         reach, angle = self.speed * period, self.turn.angle(line)
         angles = [angle]

@@ -101,8 +101,6 @@ class KnownDriven:
         Largest speed ahead in m/s.
     cruise
         Speed ahead in m/s at which it starts where nothing else is said.
-    quickest
-        Decay rate in 1/s of its quickest motion: what Runge-Kutta steps have to resolve.
     made
         Makes it with these limits, ``thrust_max`` and ``thrust_min``.
     """
@@ -116,7 +114,6 @@ class KnownDriven:
     pitch: float
     speed: float
     cruise: float
-    quickest: float
     made: Callable[[tuple[float, ...], tuple[float, ...]], DrivenBody]
 
     def make(
@@ -139,7 +136,6 @@ def _torpedo(dimension: int) -> KnownDriven:
         pitch=math.radians(40.0) if dimension == 3 else 0.0,  # assumed
         speed=1.96,
         cruise=1.2,
-        quickest=10.3,
         made=lambda upper, lower: Torpedo(dimension, LAUV, upper, lower),
     )
 
@@ -157,7 +153,6 @@ KNOWN_DRIVEN = {
         pitch=0.0,
         speed=3.08,
         cruise=0.0,
-        quickest=7.5,
         made=lambda upper, lower: TwinThrusterVessel(OTTER, upper, lower),
     ),
 }

@@ -209,9 +209,14 @@ class Measurement:
         position, yaw = pose[:-1].copy(), float(pose[-1])
         not_negative("heading_std", heading_std)
         mounting = self.mounting if self.mounting is not None else _ORIGIN
-        if mounting.position:
-            arm = vector("mounting.position", mounting.position, position.size)
-            position[:2] += _turned(arm[:2], yaw)
+        arm = mounting.position
+        if arm:
+            # of two or three numbers arrays are slower than the numbers
+            if len(arm) != position.size or not all(type(part) is float and math.isfinite(part) for part in arm):
+                arm = tuple(vector("mounting.position", arm, position.size).tolist())
+            cosine, sine = math.cos(yaw), math.sin(yaw)
+            position[0] += cosine * arm[0] - sine * arm[1]
+            position[1] += sine * arm[0] + cosine * arm[1]
             position[2:] += arm[2:]
         value = self.components.copy()
         direction = None if self.direction is None else np.array(self.direction, dtype=float)

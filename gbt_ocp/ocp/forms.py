@@ -126,7 +126,8 @@ class ShootingForm:
         self.held = problem.freedoms
         imposed: list[HardLimit | PenaltyLimit] = [*problem.hard, *problem.penalties]
         nodes = [limit.nodes for limit in imposed if self._reads_state(limit.constraint)]
-        self.steps = 1 if problem.steps == 1 else problem.steps + -problem.steps % math.lcm(1, *nodes)
+        steps = problem.runge_kutta_steps
+        self.steps = 1 if steps == 1 else steps + -steps % math.lcm(1, *nodes)
         self.width = self.states + self.held
         self.point = ca.SX.sym("point", self.width + 1)
         self.scale = np.tile(problem.vehicle.thrust_max, problem.freedoms // self.dynamics.inputs)

@@ -251,7 +251,9 @@ class ShotPlanner(AnyPlanner):
         """When the state is there: a Newton step from what :meth:`prepare` did, two iterations more, and the plan.
 
         A plain :meth:`solve` where nothing is prepared. The plan is taken whether these iterations have converged or
-        not; its inputs are cut to what the vehicle has. Arguments and errors are those of :meth:`AnyPlanner.solve`.
+        not; its inputs are cut to what the vehicle has. Where they have not and the plan is no better than braking,
+        braking is the answer, and its ``status`` that of the iterations. Arguments and errors are those of
+        :meth:`AnyPlanner.solve`.
         """
         solver = self._in_parts()
         if self._previous is None or self._previous is not self._last_step:

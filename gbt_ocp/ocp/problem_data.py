@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 from gbt_ocp.models.sizes import at_least, positive
 from gbt_ocp.models.vehicles import DrivenVehicle, Vehicle
+from gbt_ocp.ocp.integration_steps import stable_steps
 from gbt_ocp.ocp.terms import AnyObjective, Constraint, is_believed
 from gbt_ocp.ocp.thrust_limits import InputRateLimit, OfChanges, ThrustChange
 
@@ -141,13 +143,21 @@ class ShootingData(PosedProblem):
     """
 
     thrust: Literal["held", "linear"] = "held"
-    steps: int = 1
+    steps: int | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.thrust not in ("held", "linear"):
             raise ValueError(f"thrust: found {self.thrust!r}; allowed: held, linear")
-        at_least("steps", self.steps, 1)
+        if self.steps is not None:
+            at_least("steps", self.steps, 1)
+
+    @cached_property
+    def runge_kutta_steps(self) -> int:
+        """M, classical Runge-Kutta steps over a period: those given, or :func:`~.integration_steps.stable_steps`."""
+        if self.steps is not None:
+            return self.steps
+        return stable_steps(self.vehicle, self.period, self.constraints)
 
     @property
     def joined(self) -> int:

@@ -38,7 +38,8 @@ class ShootingProblem(PosingVerbs, ShootingData):
         ``held`` over each period, or ``linear`` from a value at its beginning to one at its end; it may jump between
         periods.
     steps
-        M, classical Runge-Kutta steps over a period.
+        M, classical Runge-Kutta steps over a period; by default as few as are stable at all speeds that inputs and
+        limits allow (:func:`gbt_ocp.ocp.integration_steps.stable_steps`).
 
     Raises
     ------

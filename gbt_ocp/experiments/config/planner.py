@@ -42,7 +42,13 @@ class PlannerSection(Section):
     thrust: Literal["held", "linear"] = key(
         "held", "Inputs over a piece: constant, or linear from one value to another; with form: shooting."
     )
-    steps: int = key(1, "M, Runge-Kutta steps a piece; with form: shooting.", ge=1)
+    steps: int | None = key(
+        None,
+        "M, Runge-Kutta steps a piece; null is as few as are stable at all speeds that inputs and limits allow; with "
+        "form: shooting.",
+        "null, or a whole number >= 1",
+        ge=1,
+    )
     degree: int = key(2, "L, degree of the pieces; with form: flat.", ge=2, le=5)
     continuity: int | None = key(
         None,

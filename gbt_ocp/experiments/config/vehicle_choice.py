@@ -52,9 +52,6 @@ By the posterior bound for a target that turns, short legs tell more than long o
 circle. So does a bearing that asks for all of the speed. Plans begin it at the line of sight, so that what cannot be
 reached need not be made up for."""
 
-RESOLVED = 2.1
-"""Decay over a Runge-Kutta step that is allowed; beyond 2.78 steps are unstable."""
-
 
 def choose_vehicle(values: dict[str, Any]) -> None:
     """Complete a layer of a configuration, in place, whose ``vehicle.model`` says which kind of vehicle it is."""
@@ -70,7 +67,7 @@ def choose_vehicle(values: dict[str, Any]) -> None:
 
 
 def driven_defaults(name: str, beneath: Mapping[str, Any], written: Mapping[str, Any]) -> dict[str, Any]:
-    """Form and Runge-Kutta steps of the plans of a vehicle that is not flat, and limits of its own.
+    """Form of the plans of a vehicle that is not flat, and limits of its own.
 
     Parameters
     ----------
@@ -95,10 +92,7 @@ def driven_defaults(name: str, beneath: Mapping[str, Any], written: Mapping[str,
         names.append("pitch")
     hard = value_at(beneath, ("limits", "hard"))
     limits["hard"] = [*(hard if isinstance(hard, list | tuple) else ()), *names]
-    given = (value_at(merged, path) for path in (("planner", "period_s"), ("sensor", "period_s")))
-    period = next((value for value in given if isinstance(value, int | float) and 0.0 < value < 1e3), 0.1)
-    steps = max(1, math.ceil(known.quickest * period / RESOLVED))
-    defaults: dict[str, Any] = {"planner": {"form": "shooting", "steps": steps}, "limits": limits}
+    defaults: dict[str, Any] = {"planner": {"form": "shooting"}, "limits": limits}
     if value_at(beneath, ("guidance", "startup_deviation")) not in (NOTHING, 0.0):
         defaults["guidance"] = CROSSING | _opening(merged) | {"startup_speed": round(SHARE * known.speed, 2)}
     leg = _clocked_leg(beneath)

@@ -125,7 +125,8 @@ def _form(problem: PosedProblem) -> dict[str, Any]:
         text = f"flat, degree {degree}, continuous up to derivative {continuity}"
         return {"form": text, "degree": degree, "continuity": continuity}
     assert isinstance(problem, ShootingData), "there are no others"
-    return {"form": f"thrust {problem.thrust}, {problem.steps} Runge-Kutta steps a period", "steps": problem.steps}
+    steps = problem.runge_kutta_steps
+    return {"form": f"thrust {problem.thrust}, {steps} Runge-Kutta steps a period", "steps": steps}
 
 
 def _template(name: str) -> str:

@@ -101,7 +101,8 @@ gbt_status gbt_plan_parameters(gbt_planner *planner, const gbt_real *state, cons
    factorises all derivatives: nearly all of an iteration. Returns GBT_SOLVED, or GBT_NUMERICAL_FAILURE if that cannot be;
    without a previous plan the latter. When the state is there, gbt_plan_feedback makes one Newton step for it and for the
    new forecast and two iterations more, and gives the plan, whether they have converged or not; inputs are cut to what the
-   vehicle has. Where nothing is prepared it is gbt_plan. (Diehl, Bock and Schlöder 2005: the real-time iteration.) */
+   vehicle has. What has not converged and serves no better than braking is answered by braking, its status says why. Where
+   nothing is prepared it is gbt_plan. (Diehl, Bock and Schlöder 2005: the real-time iteration.) */
 gbt_status gbt_plan_prepare(gbt_planner *planner);
 #if GBT_MOMENTS
 gbt_status gbt_plan_feedback(gbt_planner *planner, const gbt_real *state, const gbt_real *mean,

@@ -38,17 +38,19 @@ gbt_status gbt_plan_prepare(gbt_planner *planner)
 }
 
 /* Within the bounds of the inputs, where nothing else bounds the trajectory. */
-static void more_iterations(gbt_planner *planner, gbt_result *result)
+static gbt_status more_iterations(gbt_planner *planner, gbt_result *result)
 {
     gbt_workspace *work = &planner->work;
 #if GBT_BOX >= 0
-    if (gbt_minimise_in_box(&planner->settings, MORE, work, result) != GBT_LIMIT_VIOLATED) return;
+    const gbt_status status = gbt_minimise_in_box(&planner->settings, MORE, work, result);
+    if (status != GBT_LIMIT_VIOLATED) return status;
 #endif
-    gbt_minimise(planner->settings.tolerance, MU_IN_TIME, gbt_last_barrier(&planner->settings), GBT_INFINITY, MORE,
-                 work, result);
+    return gbt_minimise(planner->settings.tolerance, MU_IN_TIME, gbt_last_barrier(&planner->settings), GBT_INFINITY,
+                        MORE, work, result);
 }
 
-/* One Newton step from what is prepared, for a start and the present numbers, and a few iterations more. */
+/* One Newton step from what is prepared, for a start and the present numbers, and a few iterations more. What has not
+   converged by then has to serve better than braking, as an unfinished plan of a whole step has. */
 static gbt_status feedback(gbt_planner *planner, const gbt_real *start, gbt_plan_result *plan)
 {
     gbt_workspace *work = &planner->work;
@@ -70,7 +72,7 @@ static gbt_status feedback(gbt_planner *planner, const gbt_real *start, gbt_plan
     gbt_propagate(work->piece, GBT_PIECES);
     gbt_result more;
     more.iterations = 1;
-    more_iterations(planner, &more);
+    plan->status = more_iterations(planner, &more);
     for (int i = 0; i < GBT_PIECES; i++) {
         gbt_admit(work->piece[i]);
 #if GBT_LAST < GBT_STATES
@@ -78,8 +80,13 @@ static gbt_status feedback(gbt_planner *planner, const gbt_real *start, gbt_plan
 #endif
         for (int a = 0; a < GBT_FREE; a++) plan->top[i][a] = *gbt_free(work->piece[i], a);
     }
-    plan->status = GBT_SOLVED;
     plan->origin = GBT_PLANNED;
+    if (plan->status == GBT_SOLVED || gbt_beats_braking(start, &plan->top[0][0], planner->numbers)) {
+        plan->status = GBT_SOLVED;
+    } else {
+        plan->origin = GBT_BRAKED;
+        gbt_brake(start, &plan->top[0][0]);
+    }
     plan->iterations = more.iterations;
     plan->tightened = 0;
     gbt_broken_at_start(start, moving, plan->broken_at_start);

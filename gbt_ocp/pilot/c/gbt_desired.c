@@ -6,6 +6,7 @@
 #define D GBT_DIMENSION
 #define LEAST_ACROSS 0.3 /* part of the speed that goes across the line of sight, however fast the target is */
 #define NEAREST 1e-9     /* distance in metres below which a line of sight turns no faster */
+#define WITHIN 1e-9      /* part of a piece nearer than which to its ends a reversal counts as at an end */
 #define CIRCLE (D == 2 ? 1.0 : sqrt(6.0) / 3.0) /* radius of the circle; in space it is lifted along the axis */
 
 /* Seconds of turning at a time: those forth less those back. */
@@ -92,6 +93,16 @@ void gbt_desired_at(const gbt_desired *desired, double time, gbt_real *bearing)
     direction_at(desired, desired->phase + desired->rate * turned, bearing);
 }
 
+/* The part of a piece that goes forth, less that which goes back. A reversal within a piece is at the nearer end of it:
+   a plan that is told bearings at the ends alone would cut the corner. Legs shorter than a piece are averaged. */
+static double forth_in(const gbt_desired *desired, double time, double period, int piece)
+{
+    const double begin = time + period * piece, end = time + period * (piece + 1);
+    const double forth = (turned_at(desired, end) - turned_at(desired, begin)) / period;
+    const int legs = desired->reverse >= period;
+    return legs && fabs(forth) < 1 - WITHIN ? copysign(1.0, forth) : forth;
+}
+
 void gbt_desired_sweep(const gbt_desired *desired, double time, const gbt_real *line,
                        gbt_real target[GBT_PIECES + 1][GBT_DIMENSION], gbt_real bearings[GBT_PIECES][GBT_DIMENSION])
 {
@@ -105,8 +116,7 @@ void gbt_desired_sweep(const gbt_desired *desired, double time, const gbt_real *
         const double across = cos(angle) * plane[1] - sin(angle) * plane[0];
         const double left = reach * reach - ((double)gbt_dot(moved, moved) - across * across);
         const double own = sqrt(fmax(left, LEAST_ACROSS * reach * (LEAST_ACROSS * reach)));
-        const double forth = turned_at(desired, time + period * (i + 1)) - turned_at(desired, time + period * i);
-        angle += (copysign(1.0, desired->rate) * forth / period * own + across) / radius;
+        angle += (copysign(1.0, desired->rate) * forth_in(desired, time, period, i) * own + across) / radius;
         direction_at(desired, angle, bearings[i]);
     }
 }

@@ -121,18 +121,18 @@ static void predict(const gbt_gp *process, const gbt_gp_posterior *of, double ti
         for (int a = 0; a < D; a++) {
             const gbt_wide *row = of->factor + ROW(i);
             gbt_wide rest = gbt_times(k, gbt_widen(of->rows.direction[i][a]));
-            for (int j = 0; j < i; j++) rest = gbt_less(rest, row[j], cross[a][j]);
-            cross[a][i] = gbt_times(rest, row[i]);
+            for (int j = 0; j < i; j++) rest = gbt_gather_less(rest, row[j], cross[a][j]);
+            cross[a][i] = gbt_times(gbt_gathered(rest), row[i]);
         }
     }
     for (int a = 0; a < D; a++) {
         gbt_wide sum = gbt_widen(process->centre[a]);
-        for (int i = 0; i < n; i++) sum = gbt_more(sum, cross[a][i], of->values[i]);
-        mean[a] = of->sound ? gbt_narrow(sum) : (gbt_real)NAN;
+        for (int i = 0; i < n; i++) sum = gbt_gather(sum, cross[a][i], of->values[i]);
+        mean[a] = of->sound ? gbt_narrow(gbt_gathered(sum)) : (gbt_real)NAN;
         for (int b = 0; b <= a; b++) {
             gbt_wide rest = gbt_widen(a == b ? of->variance : 0);
-            for (int i = 0; i < n; i++) rest = gbt_less(rest, cross[a][i], cross[b][i]);
-            covariance[a * D + b] = covariance[b * D + a] = gbt_narrow(rest);
+            for (int i = 0; i < n; i++) rest = gbt_gather_less(rest, cross[a][i], cross[b][i]);
+            covariance[a * D + b] = covariance[b * D + a] = gbt_narrow(gbt_gathered(rest));
         }
     }
 }

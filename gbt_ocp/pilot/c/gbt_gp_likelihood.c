@@ -74,8 +74,8 @@ void gbt_gp_whiten(const gbt_gp_rows *rows, const gbt_wide *factor, gbt_wide *wh
     for (int i = 0; i < rows->rows; i++) {
         const gbt_wide *row = factor + ROW(i);
         gbt_wide rest = gbt_widen(rows->value[i]);
-        for (int k = 0; k < i; k++) rest = gbt_less(rest, row[k], whitened[k]);
-        whitened[i] = gbt_times(rest, row[i]);
+        for (int k = 0; k < i; k++) rest = gbt_gather_less(rest, row[k], whitened[k]);
+        whitened[i] = gbt_times(gbt_gathered(rest), row[i]);
     }
 }
 

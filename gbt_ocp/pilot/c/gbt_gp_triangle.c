@@ -12,7 +12,8 @@ int gbt_factor(gbt_wide *lower, int n)
         for (int j = 0; j <= i; j++) {
             const gbt_wide *other = lower + ROW(j);
             gbt_wide rest = row[j];
-            for (int k = 0; k < j; k++) rest = gbt_less(rest, row[k], other[k]);
+            for (int k = 0; k < j; k++) rest = gbt_gather_less(rest, row[k], other[k]);
+            rest = gbt_gathered(rest);
             if (j == i && !(gbt_narrow(rest) > 0 && isfinite(gbt_narrow(rest)))) return 0;
             row[j] = j == i ? gbt_over(gbt_widen(1), gbt_root(rest)) : gbt_times(rest, other[j]);
         }
@@ -28,9 +29,9 @@ void gbt_invert_factor(gbt_wide *lower, int n)
         for (int k = 0; k < i; k++) {
             const gbt_wide *above = lower + ROW(k);
             sum[k] = gbt_widen(0);
-            for (int j = 0; j <= k; j++) sum[j] = gbt_less(sum[j], row[k], above[j]);
+            for (int j = 0; j <= k; j++) sum[j] = gbt_gather_less(sum[j], row[k], above[j]);
         }
-        for (int j = 0; j < i; j++) row[j] = gbt_times(sum[j], row[i]);
+        for (int j = 0; j < i; j++) row[j] = gbt_times(gbt_gathered(sum[j]), row[i]);
     }
 }
 
@@ -40,8 +41,8 @@ static void times_transposed(const gbt_wide *row, const gbt_wide *lower, int i, 
     for (int j = i; j >= 0; j--) {
         const gbt_wide *other = lower + ROW(j);
         gbt_wide sum = gbt_widen(0);
-        for (int k = 0; k <= j; k++) sum = gbt_more(sum, row[k], other[k]);
-        out[j] = sum;
+        for (int k = 0; k <= j; k++) sum = gbt_gather(sum, row[k], other[k]);
+        out[j] = gbt_gathered(sum);
     }
 }
 
@@ -56,22 +57,26 @@ void gbt_whiten_symmetric(const gbt_wide *inverse, int n, gbt_wide *a)
             const gbt_wide *row = a + ROW(k), own = weight[k];
             gbt_wide sum = gbt_times(own, row[k]);
             for (int j = 0; j < k; j++) {
-                half[j] = gbt_more(half[j], own, row[j]);
-                sum = gbt_more(sum, weight[j], row[j]);
+                half[j] = gbt_gather(half[j], own, row[j]);
+                sum = gbt_gather(sum, weight[j], row[j]);
             }
             half[k] = sum;
         }
+        for (int k = 0; k <= i; k++) half[k] = gbt_gathered(half[k]);
         times_transposed(half, inverse, i, a + ROW(i));
     }
 }
 
+/* The number times the squares of a row is at most 1: sums in gbt_real are as good as wide ones. */
 void gbt_whiten_identity(const gbt_wide *inverse, int n, gbt_real number, gbt_wide *a)
 {
-    for (int i = 0; i < n; i++) {
-        gbt_wide *row = a + ROW(i);
-        times_transposed(inverse + ROW(i), inverse, i, row);
-        for (int j = 0; j <= i; j++) row[j] = gbt_times(gbt_widen(number), row[j]);
-    }
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j <= i; j++) {
+            const gbt_wide *row = inverse + ROW(i), *other = inverse + ROW(j);
+            gbt_real sum = 0;
+            for (int k = 0; k <= j; k++) sum += gbt_narrow(row[k]) * gbt_narrow(other[k]);
+            a[ROW(i) + j] = gbt_widen(number * sum);
+        }
 }
 
 gbt_real gbt_trace(gbt_block a)

@@ -86,35 +86,40 @@ static inline gbt_wide gbt_more(gbt_wide c, gbt_wide a, gbt_wide b)
     return gbt_sum_of_ordered(sum.high, sum.low + (c.low + fmaf(a.high, b.low, fmaf(a.low, b.high, rest))));
 }
 
-/* e^a: Taylor's series of e^x - 1, where x is an eighth of what is left after powers of two; doubled three times by
-   e^2x - 1 = 2 (e^x - 1) + (e^x - 1)^2, whose error stays small beside the 1 that is missing. Of x below 0.044 the terms
-   from the fifth on are so small that float does for them. */
+/* The same, and c - a b, not brought in order: of a sum of many products only the last one is, by gbt_gathered. */
+static inline gbt_wide gbt_gather(gbt_wide c, gbt_wide a, gbt_wide b)
+{
+    const gbt_real product = a.high * b.high, rest = fmaf(a.high, b.high, -product);
+    const gbt_wide sum = gbt_sum_of(c.high, product);
+    const gbt_wide wide = {sum.high, c.low + (sum.low + fmaf(a.high, b.low, fmaf(a.low, b.high, rest)))};
+    return wide;
+}
+
+static inline gbt_wide gbt_gather_less(gbt_wide c, gbt_wide a, gbt_wide b) { return gbt_gather(c, gbt_negative(a), b); }
+
+static inline gbt_wide gbt_gathered(gbt_wide a) { return gbt_sum_of(a.high, a.low); }
+
+/* e^a: an eighth power of two from a table times Taylor's series of what is left, below 0.044, of which the terms from the
+   fifth on are so small that float does for them. */
 static inline gbt_wide gbt_wide_exp(gbt_wide a)
 {
-    enum { TERMS = 4, HALVINGS = 3 };
-    static const gbt_wide over[TERMS + 1] = { /* 1, 1, 1/2, 1/3, 1/4 */
-        {1, 0}, {1, 0}, {0.5f, 0}, {0.33333334f, -9.93410776e-09f}, {0.25f, 0}};
-    static const gbt_wide log_two_rest = {-2.1219444e-4f, 1.646595e-12f}; /* ln 2 - 0.693359375 */
-    const gbt_real count = rintf(a.high * 1.44269504f);
-    gbt_wide part = gbt_sum_of(a.high, -count * 0.693359375f);
+    static const gbt_wide power[8] = {{1, 0}, {1.09050775f, -1.30775399e-08f}, {1.18920708f, 3.79763527e-08f}, {1.29683959f, -4.01899953e-08f}, {1.41421354f, 2.4203235e-08f}, {1.54221082f, 8.07090483e-09f}, {1.68179286f, -2.47553267e-08f}, {1.8340081f, -1.1239278e-08f}};
+    static const gbt_wide sixth = {0.166666672f, -4.96705388e-09f}, twenty_fourth = {0.0416666679f, -1.24176347e-09f};
+    static const gbt_wide log_two_rest = {-2.65243052e-05f, 2.05824371e-13f}; /* (ln 2 - 0.693359375) / 8 */
+    const gbt_real count = rintf(a.high * 11.5415603f);
+    gbt_wide part = gbt_sum_of(a.high, -count * 0.086669921875f);
     if (!(a.high > -80)) return gbt_widen(0);
+    const int whole = (int)count, eighth = whole & 7;
     part = gbt_more(gbt_plus(part, gbt_widen(a.low)), gbt_widen(-count), log_two_rest);
-    part.high /= 1 << HALVINGS;
-    part.low /= 1 << HALVINGS;
     const gbt_real x = part.high;
-    gbt_wide sum = gbt_widen(x / 5 * (1 + x / 6 * (1 + x / 7 * (1 + x / 8))));
-    for (int k = TERMS; k > 0; k--) {
-        const gbt_wide share = gbt_times(part, over[k]);
-        sum = gbt_more(share, share, sum);
-    }
-    for (int k = 0; k < HALVINGS; k++) {
-        const gbt_wide twice = {2 * sum.high, 2 * sum.low};
-        sum = gbt_more(twice, sum, sum);
-    }
-    sum = gbt_plus(gbt_widen(1), sum);
-    const gbt_real power = ldexpf(1, (int)count);
-    sum.high *= power;
-    sum.low *= power;
+    gbt_wide sum = gbt_more(twenty_fourth, part, gbt_widen((1 + x / 6 * (1 + x / 7 * (1 + x / 8))) / 120));
+    sum = gbt_more(sixth, part, sum);
+    sum = gbt_more(gbt_widen(0.5f), part, sum);
+    sum = gbt_more(gbt_widen(1), part, sum);
+    sum = gbt_more(power[eighth], power[eighth], gbt_times(part, sum));
+    const gbt_real scale = ldexpf(1, (whole - eighth) / 8);
+    sum.high *= scale;
+    sum.low *= scale;
     return sum;
 }
 
@@ -140,6 +145,9 @@ static inline gbt_wide gbt_root(gbt_wide a) { return sqrt(a); }
 static inline gbt_wide gbt_wide_exp(gbt_wide a) { return exp(a); }
 static inline gbt_wide gbt_wide_log1p(gbt_wide a) { return log1p(a); }
 static inline gbt_wide gbt_more(gbt_wide c, gbt_wide a, gbt_wide b) { return c + a * b; }
+static inline gbt_wide gbt_gather(gbt_wide c, gbt_wide a, gbt_wide b) { return c + a * b; }
+static inline gbt_wide gbt_gather_less(gbt_wide c, gbt_wide a, gbt_wide b) { return c + -a * b; }
+static inline gbt_wide gbt_gathered(gbt_wide a) { return a; }
 
 #endif
 
