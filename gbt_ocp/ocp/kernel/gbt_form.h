@@ -94,6 +94,9 @@ void gbt_propagate(gbt_piece piece[], int pieces);
    top      out: GBT_PIECES x GBT_FREE, what is free in all pieces */
 void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top);
 
+/* A plan under inputs that are held: a share of each of the most there is, negative of the least; GBT_INPUTS. */
+void gbt_press(const gbt_real *start, const gbt_real *share, gbt_real *top);
+
 /* What is free in a piece that is added to a plan, from what was in its last one, GBT_FREE each. */
 void gbt_lengthen(const gbt_real *last, gbt_real *added);
 

@@ -16,6 +16,8 @@
 
 #define ARMIJO ((gbt_real)1e-4)
 #define HALVINGS 3                     /* of a step before it is regularised more */
+#define LONGEST 4                      /* part of a regularised step that is tried, */
+#define FLATTER ((gbt_real)0.75)       /* where it gains so much of what its slope promises: a good model says a half */
 #define ROUNDS 12                    /* of the active set in an iteration; a step that is not there yet is cut */
 #define DELTA_FIRST ((gbt_real)1e-3)   /* of the regularisation of an input over its size */
 #define DELTA_LEAST ((gbt_real)1e-6)   /* less is none */
@@ -203,15 +205,35 @@ static gbt_real find_step(gbt_workspace *work, gbt_real delta)
     return slope;
 }
 
-/* A part of the step that decreases f, in work->trial; 0 if none of a few does. */
-static gbt_real search(gbt_workspace *work, gbt_real slope)
+/* Doubles a part of the step, whose f is known, as long as f falls; leaves the last part of which it does in work->trial. */
+static gbt_real lengthen(gbt_workspace *work, gbt_real part)
+{
+    gbt_real before = work->f_trial;
+    while (part < LONGEST) {
+        part *= 2;
+        work->f_trial = follow(work, work->trial, &part);
+        if (work->f_trial < before) {
+            before = work->f_trial;
+            continue;
+        }
+        part /= 2;
+        work->f_trial = follow(work, work->trial, &part);
+        break;
+    }
+    return part;
+}
+
+/* A part of the step that decreases f, in work->trial; 0 if none of a few does. A regularised step may be far too short:
+   in a flat valley the curvature is about zero, and what makes it positive is all there is to it. */
+static gbt_real search(gbt_workspace *work, gbt_real slope, int regularised)
 {
     const gbt_real noise = 10 * GBT_EPSILON * (1 + gbt_fabs(work->f));
     gbt_real part = 1;
     for (int a = 0; a < GBT_STATE; a++) work->trial[0][a] = work->piece[0][a];
     for (int k = 0; k < HALVINGS; k++, part /= 2) {
         work->f_trial = follow(work, work->trial, &part);
-        if (work->f_trial <= work->f + ARMIJO * part * slope + noise) return part;
+        if (work->f_trial <= work->f + ARMIJO * part * slope + noise)
+            return k == 0 && regularised && work->f_trial < work->f + FLATTER * slope ? lengthen(work, part) : part;
     }
     return 0;
 }
@@ -225,7 +247,7 @@ static int improve(gbt_workspace *work, gbt_real *delta)
     make_model(work, bent);
     for (;;) {
         const gbt_real slope = find_step(work, *delta);
-        const gbt_real part = slope < 0 ? search(work, slope) : 0;
+        const gbt_real part = slope < 0 ? search(work, slope, *delta > 0) : 0;
         if (part > 0) {
             if (part >= 1)
                 *delta = *delta > DELTA_LEAST ? *delta / LOWER : 0;

@@ -12,6 +12,15 @@ void gbt_coast(const gbt_real *start, gbt_real aside, gbt_real *top)
     }
 }
 
+void gbt_press(const gbt_real *start, const gbt_real *share, gbt_real *top)
+{
+    (void)start;
+    for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) {
+        const int j = k % GBT_INPUTS;
+        top[k] = share[j] < 0 ? -share[j] * gbt_thrust_min[j] : share[j] * gbt_thrust_max[j];
+    }
+}
+
 /* The inputs are those of the rest: what they lead back differs from vehicle to vehicle. */
 void gbt_lead_back(const gbt_real *off, int pieces, gbt_real *top)
 {

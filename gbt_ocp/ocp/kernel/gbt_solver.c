@@ -15,6 +15,9 @@
 #define TAIL_ITERATIONS 8
 #define COLDER ((gbt_real)10) /* mu of the first part of a cold guess over that of a cold start */
 #define REACH ((gbt_real)20)  /* decrease that Newton's step may promise from a warm guess, for each side in units of mu */
+#define AT_LIMIT ((gbt_real)0.05) /* of a thrust limit, within which a guess counts as at it */
+#define SHARE ((gbt_real)0.97)    /* of the thrust there is: between the nodes it may bulge */
+#define MIXED (GBT_INPUTS < 4 ? GBT_INPUTS : 4) /* inputs whose every combination is tried */
 #define BROKEN ((gbt_real)0.1) /* of a hard limit where a plan begins, in its units: more than a follower is off */
 
 /* Whether inputs alone may bound a trajectory. */
@@ -157,6 +160,58 @@ static int leads_further_in(const gbt_real *start, const gbt_real *parameters, c
     return 0;
 }
 
+/* Whether a guess, which was evaluated last, has at least half of its inputs at their limits, or beyond. */
+static int is_pressed(const gbt_workspace *work)
+{
+    const gbt_real *y = work->y;
+    int pressed = 0, sides = 0;
+    for (int i = 0; i < work->pieces; i++)
+        for (int q = 0; q < GBT_LIMITS; q++) {
+            const int count = gbt_limits[q].nodes * gbt_limits[q].sides;
+            if (gbt_limits[q].hard && gbt_limits[q].kind == GBT_THRUST) {
+                for (int k = 0; k < count; k++)
+                    if (y[k] > -AT_LIMIT) pressed++;
+                sides += count;
+            }
+            y += count;
+        }
+    return 4 * pressed >= sides && sides > 0; /* an input has two sides */
+}
+
+/* What is to be minimised at the guess, at which limits count by their exact penalties. */
+static gbt_real cost_of_guess(const gbt_real *start, const gbt_real *parameters, const gbt_real *guess,
+                              gbt_workspace *work)
+{
+    load(start, parameters, 0, GBT_PIECES, guess, work);
+    work->f = gbt_evaluate(work, work->piece, work->y);
+    return work->f + gbt_penalty(work);
+}
+
+/* Where the limits of the inputs decide what a plan is, it may be one of several, each the best of those near it, and the
+   rest of a plan leads to the one it is a rest of, step after step, until that is far worse than another one. So such a
+   guess is compared with inputs that are held at their limits all along, in every combination, and the cheapest is
+   solved from. */
+static void choose_guess(const gbt_settings *settings, const gbt_real *start, const gbt_real *parameters,
+                         gbt_workspace *work)
+{
+    gbt_real share[GBT_INPUTS], other[GBT_PIECES * GBT_FREE];
+    int combinations = 1;
+    gbt_weigh_limits(work, settings->limit_weight, settings->limit_weight);
+    gbt_real least = cost_of_guess(start, parameters, work->guess, work);
+    if (!is_pressed(work)) return;
+    for (int j = 0; j < GBT_INPUTS; j++) share[j] = 0;
+    for (int j = 0; j < MIXED; j++) combinations *= 3;
+    for (int n = 0; n < combinations; n++) {
+        for (int j = 0, rest = n; j < MIXED; j++, rest /= 3) share[j] = SHARE * (gbt_real)(rest % 3 - 1);
+        gbt_press(start, share, other);
+        for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) other[k] /= gbt_input_scale[k % GBT_FREE];
+        const gbt_real cost = cost_of_guess(start, parameters, other, work);
+        if (!(cost < least)) continue;
+        least = cost;
+        for (int k = 0; k < GBT_PIECES * GBT_FREE; k++) work->guess[k] = other[k];
+    }
+}
+
 /* Where the next start begins; the last one within bounds goes on from the cheapest before it, u. */
 static void begin_again(const gbt_real *start, int starts, const gbt_real *u, gbt_real *guess)
 {
@@ -187,6 +242,7 @@ gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const 
         warm = GBT_COLD_START;
         begin_again(start, 0, u, work->guess);
     }
+    if (!in_parts && warm == GBT_WARM) choose_guess(settings, start, parameters, work);
     result->status = GBT_NUMERICAL_FAILURE;
     do {
         const int cold = warm == GBT_COLD_START || result->starts > 0, shifted = !cold && warm == GBT_WARM;
