@@ -331,3 +331,28 @@ def test_only_the_compiled_solver_takes_a_step_in_parts():
     planner.previous = planner.solve(**data) and None
     assert not planner.prepare(), "there is no last plan any more"
     assert planner.feedback(**data).iterations > 1
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_rest_at_its_limits_gives_way_to_thrust_that_is_held_where_that_is_better(dimension):
+    """Plans go on from the rest of the last one, and no held thrust in any corner of its limits is better than a plan."""
+    planner = posed(dimension).compile("compiled")
+    vehicle, pressed, better = planner.problem.vehicle, 0, 0
+    for seed in range(20):
+        data, other = cold(dimension, 5, seed), cold(dimension, 5, seed + 100)
+        planner.reset()
+        last = planner.solve(**dict(other, state=data["state"]))
+        rest = np.vstack([last.thrust[1:], last.thrust[-1:]])
+        pressed += np.mean(np.abs(rest / vehicle.thrust_max) > GAMMA - 0.05) >= 0.5
+        after = dict(data, state=np.asarray(last.knots[1]))
+        plan = planner.solve(**after)
+        corners = [
+            np.tile(0.97 * np.array(corner) * vehicle.thrust_max, (5, 1))
+            for corner in itertools.product((-1.0, 0.0, 1.0), repeat=dimension + 1)
+        ]
+        held = max(objective(vehicle, after, thrust, thrust) for thrust in corners)
+        better += held > objective(vehicle, after, rest, rest)
+        assert plan.solved
+        assert plan.objective > held - 1e-9, seed
+    assert pressed >= 5, "rests of which half of the thrust is at its limits"
+    assert better >= 5, "rests that are worse than held thrust"
