@@ -335,7 +335,7 @@ def test_only_the_compiled_solver_takes_a_step_in_parts():
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_rest_at_its_limits_gives_way_to_thrust_that_is_held_where_that_is_better(dimension):
-    """Plans go on from the rest of the last one, and no held thrust in any corner of its limits is better than a plan."""
+    """Plans go on from rests of earlier ones, and no thrust held in a corner of its limits is better than a plan."""
     planner = posed(dimension).compile("compiled")
     vehicle, pressed, better = planner.problem.vehicle, 0, 0
     for seed in range(20):
