@@ -115,12 +115,14 @@ def test_the_report_shows_the_tables_and_the_verdict(done):
     assert "none: the kernel takes the kinks as inequalities" in text
 
 
+@pytest.mark.long
 def test_the_costs_are_those_of_all_tasks(done):
     costs = rows(done.folder, "costs")
     assert sum(int(row["tasks"]) for row in costs) == len(list((done.folder / "parts").iterdir()))
     assert all(float(row["core_s"]) > 0.0 for row in costs)
 
 
+@pytest.mark.long
 def test_settings_are_the_sweeps_of_all_configurations_together(done):
     pooled, single = rows(done.folder, "settings"), rows(done.folder, "sensitivity")
     assert sum(int(row["problems"]) for row in pooled) == sum(int(row["problems"]) for row in single)
@@ -369,6 +371,7 @@ def test_wrong_input_is_refused_in_one_line(asked, told, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.long
 def test_a_folder_of_something_else_is_left_alone(done, few, tmp_path):
     (tmp_path / "mine.txt").write_text("dear diary")
     with pytest.raises(gbt.ConfigurationError, match="not an empty folder"):

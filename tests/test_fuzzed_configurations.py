@@ -89,6 +89,7 @@ def test_changed_values_and_keys(examples):
     assert min(counts["refused"], counts["accepted"]) > 0.15 * examples
 
 
+@pytest.mark.long
 @few_and_many(100, 3000)
 def test_damaged_text(tmp_path, examples):
     path = tmp_path / "spoilt.yaml"
