@@ -8,6 +8,7 @@
 #include "gbt_slacks.h"
 
 #define SHORT 5 /* pieces of a horizon that is solved as a whole at once */
+#define HELD 10 /* pieces of a horizon over which thrust that is held all along may be a good guess */
 /* Pieces of a part of a longer one that is solved by itself, and how well: it only has to be a good guess. */
 #define PART (GBT_PIECES < 16 ? GBT_PIECES / 2 : 8)
 #define ROUGH ((gbt_real)1e-2)
@@ -242,7 +243,7 @@ gbt_status gbt_solve(const gbt_settings *settings, const gbt_real *start, const 
         warm = GBT_COLD_START;
         begin_again(start, 0, u, work->guess);
     }
-    if (!in_parts && warm == GBT_WARM) choose_guess(settings, start, parameters, work);
+    if (GBT_PIECES <= HELD && !in_parts && warm == GBT_WARM) choose_guess(settings, start, parameters, work);
     result->status = GBT_NUMERICAL_FAILURE;
     do {
         const int cold = warm == GBT_COLD_START || result->starts > 0, shifted = !cold && warm == GBT_WARM;
