@@ -209,14 +209,9 @@ class Measurement:
         position, yaw = pose[:-1].copy(), float(pose[-1])
         not_negative("heading_std", heading_std)
         mounting = self.mounting if self.mounting is not None else _ORIGIN
-        arm = mounting.position
-        if arm:
-            # of two or three numbers arrays are slower than the numbers
-            if len(arm) != position.size or not all(type(part) is float and math.isfinite(part) for part in arm):
-                arm = tuple(vector("mounting.position", arm, position.size).tolist())
-            cosine, sine = math.cos(yaw), math.sin(yaw)
-            position[0] += cosine * arm[0] - sine * arm[1]
-            position[1] += sine * arm[0] + cosine * arm[1]
+        if mounting.position:
+            arm = vector("mounting.position", mounting.position, position.size)
+            position[:2] += _turned(arm[:2], yaw)
             position[2:] += arm[2:]
         value = self.components.copy()
         direction = None if self.direction is None else np.array(self.direction, dtype=float)
@@ -252,4 +247,5 @@ def _angles(unit: Array) -> list[float]:
 def _turned(level: Array, angle: float) -> Array:
     """A horizontal vector ``(2,)`` turned by an angle in radians, counter-clockwise."""
     cosine, sine = math.cos(angle), math.sin(angle)
-    return np.array([cosine * level[0] - sine * level[1], sine * level[0] + cosine * level[1]])
+    x, y = level.tolist()  # numbers of Python are quicker than those of an array
+    return np.array([cosine * x - sine * y, sine * x + cosine * y])

@@ -62,7 +62,9 @@ def vector(name: str, values: ArrayLike, size: int, *, above_zero: bool = False)
         found = np.array(values, dtype=float)
     except (TypeError, ValueError):
         found = np.full(0, np.nan)
-    if found.shape != (size,) or not np.all(np.isfinite(found)) or (above_zero and not np.all(found > 0.0)):
+    # of two or three numbers functions of arrays are slower than those of numbers
+    is_finite = found.shape == (size,) and all(map(math.isfinite, found.tolist()))
+    if not is_finite or (above_zero and not np.all(found > 0.0)):
         raise ValueError(f"{name}: found {values!r}; allowed: {size} finite numbers{' > 0' * above_zero}")
     return found
 

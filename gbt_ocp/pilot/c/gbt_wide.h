@@ -86,7 +86,7 @@ static inline gbt_wide gbt_more(gbt_wide c, gbt_wide a, gbt_wide b)
     return gbt_sum_of_ordered(sum.high, sum.low + (c.low + fmaf(a.high, b.low, fmaf(a.low, b.high, rest))));
 }
 
-/* The same, and c - a b, not brought in order: of a sum of many products only the last one is, by gbt_gathered. */
+/* The same, not brought in order: of a sum of many products only the last one is, by gbt_gathered. */
 static inline gbt_wide gbt_gather(gbt_wide c, gbt_wide a, gbt_wide b)
 {
     const gbt_real product = a.high * b.high, rest = fmaf(a.high, b.high, -product);
@@ -95,15 +95,16 @@ static inline gbt_wide gbt_gather(gbt_wide c, gbt_wide a, gbt_wide b)
     return wide;
 }
 
-static inline gbt_wide gbt_gather_less(gbt_wide c, gbt_wide a, gbt_wide b) { return gbt_gather(c, gbt_negative(a), b); }
-
 static inline gbt_wide gbt_gathered(gbt_wide a) { return gbt_sum_of(a.high, a.low); }
 
 /* e^a: an eighth power of two from a table times Taylor's series of what is left, below 0.044, of which the terms from the
    fifth on are so small that float does for them. */
 static inline gbt_wide gbt_wide_exp(gbt_wide a)
 {
-    static const gbt_wide power[8] = {{1, 0}, {1.09050775f, -1.30775399e-08f}, {1.18920708f, 3.79763527e-08f}, {1.29683959f, -4.01899953e-08f}, {1.41421354f, 2.4203235e-08f}, {1.54221082f, 8.07090483e-09f}, {1.68179286f, -2.47553267e-08f}, {1.8340081f, -1.1239278e-08f}};
+    static const gbt_wide power[8] = {
+        {1, 0}, {1.09050775f, -1.30775399e-08f}, {1.18920708f, 3.79763527e-08f}, {1.29683959f, -4.01899953e-08f},
+        {1.41421354f, 2.4203235e-08f}, {1.54221082f, 8.07090483e-09f}, {1.68179286f, -2.47553267e-08f},
+        {1.8340081f, -1.1239278e-08f}};
     static const gbt_wide sixth = {0.166666672f, -4.96705388e-09f}, twenty_fourth = {0.0416666679f, -1.24176347e-09f};
     static const gbt_wide log_two_rest = {-2.65243052e-05f, 2.05824371e-13f}; /* (ln 2 - 0.693359375) / 8 */
     const gbt_real count = rintf(a.high * 11.5415603f);
@@ -146,13 +147,12 @@ static inline gbt_wide gbt_wide_exp(gbt_wide a) { return exp(a); }
 static inline gbt_wide gbt_wide_log1p(gbt_wide a) { return log1p(a); }
 static inline gbt_wide gbt_more(gbt_wide c, gbt_wide a, gbt_wide b) { return c + a * b; }
 static inline gbt_wide gbt_gather(gbt_wide c, gbt_wide a, gbt_wide b) { return c + a * b; }
-static inline gbt_wide gbt_gather_less(gbt_wide c, gbt_wide a, gbt_wide b) { return c + -a * b; }
 static inline gbt_wide gbt_gathered(gbt_wide a) { return a; }
 
 #endif
 
 /* c - a b */
-static inline gbt_wide gbt_less(gbt_wide c, gbt_wide a, gbt_wide b) { return gbt_more(c, gbt_negative(a), b); }
+static inline gbt_wide gbt_gather_less(gbt_wide c, gbt_wide a, gbt_wide b) { return gbt_gather(c, gbt_negative(a), b); }
 
 GBT_END_C
 
