@@ -24,6 +24,7 @@ from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
+from scipy.stats import bootstrap
 
 import gbt_ocp as gbt
 from gbt_ocp.experiments.build.loop import Streams, build_start, build_target, build_vehicle
@@ -41,9 +42,6 @@ LATE_SHARE, LATE_S = 0.3, 1.0
 
 NOISE_RAD, MISSED = math.radians(1.0), 0.05
 """Of both sensors, as in sea2d."""
-
-RESAMPLED = 20000
-"""How often the seeds are drawn again for the interval of the ratio."""
 
 BOW = Mounting((1.5, 0.0))
 """Where the sensor at the bow sits, forward and to port in m."""
@@ -162,8 +160,12 @@ def built_in(configuration: gbt.Configuration) -> float:
 
 def interval(inside: Any, outside: Any) -> Any:
     """95 % interval ``(2,)`` of the ratio of the means of errors ``(K,)``, by drawing the seeds again."""
-    drawn = np.random.default_rng(0).integers(0, len(inside), (RESAMPLED, len(inside)))
-    return np.quantile(outside[drawn].mean(axis=1) / inside[drawn].mean(axis=1), [0.025, 0.975])
+    return bootstrap((inside, outside), ratio_of_means, paired=True, method="percentile", rng=0).confidence_interval
+
+
+def ratio_of_means(inside: Any, outside: Any, axis: int = -1) -> Any:
+    """That of the second over the first."""
+    return np.mean(outside, axis=axis) / np.mean(inside, axis=axis)
 
 
 def main() -> None:

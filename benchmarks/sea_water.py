@@ -40,15 +40,15 @@ SLOW = {"target.speed": 0.3, "limits.range.target_speed_max": 0.6}
 HALF = {"target.speed": 0.5, "limits.range.target_speed_max": 1.0}
 """The boat of the shipped torpedoes."""
 
+LAUV = {**HALF, "desired_bearing.target_speed": 0.5}
+"""Of a torpedo. Slow vehicles turn by the clock, for which the speed of the boat counts."""
+
 CAPPED = {**SLOW, "limits.speed": 0.7, "desired_bearing.target_speed": 0.3}
-AS_TORPEDO = {**HALF, "limits.speed": 1.95, "desired_bearing.target_speed": 0.5}
+AS_TORPEDO = {**LAUV, "limits.speed": 1.95}
 AS_VESSEL = {"limits.speed": 3.0}
 """The most that a Falcon may do so that it is no faster than another vehicle: it shows what is the speed's part."""
 
 ROV = {"vehicle.parameters": "bluerov2_heavy", **CAPPED}
-
-LAUV = {**HALF, "desired_bearing.target_speed": 0.5}
-"""Of a torpedo. Slow vehicles turn by the clock, for which the speed of the boat counts."""
 
 AUTOPILOT = {"command": "setpoint", "plant.autopilot_s": 1.0}
 

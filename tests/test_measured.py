@@ -4,7 +4,6 @@ import importlib.util
 import json
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -56,17 +55,6 @@ def test_a_cell_and_a_table_are_those_of_the_file():
     assert write_data.tables_in(shown) == {"table": table}
     folded = measured.rendered('??? note "All"\n\n    {{ data.comparison_sea.closed_loop }}\n').splitlines()[2:]
     assert [line.removeprefix("    ") for line in folded] == shown.splitlines()
-
-
-def test_every_file_is_of_a_job_that_makes_it_again(monkeypatch):
-    everything = importlib.util.spec_from_file_location("everything", ROOT / "scripts" / "everything.py")
-    module = importlib.util.module_from_spec(everything)
-    monkeypatch.setitem(sys.modules, "everything", module)
-    everything.loader.exec_module(module)
-    renamed = {"solver_loop"}  # docs/ages.md says so
-    assert set(measured.names()) - {job.name for job in module.jobs()} == renamed
-    ages = (ROOT / "docs" / "ages.md").read_text(encoding="utf-8")
-    assert all(f"`{name}`" in ages for name in renamed)
 
 
 @pytest.mark.parametrize("name", measured.names())
