@@ -453,3 +453,16 @@ def test_shooting_takes_the_limits_at_sea_with_both_solvers():
         # not convex: each may end in another plan that is about as good
         assert mine["objective"] == pytest.approx(other["objective"], abs=0.05)
         assert {"violation_thrust", "violation_certain", "violation_believed"} <= set(mine)
+
+
+def test_a_plan_by_integration_starts_warm_from_the_thrust_of_the_recorded_one():
+    """Not convex, so either start may end in another plan, but in one about as good."""
+    configuration = load_config("case2", ["duration_s=2.0", "planner.pieces=3"])
+    problems = record(configuration, 4)
+    pair = Pair("shooting", COMPILED)
+    cold, warm = (solve_chunk(configuration, problems, range(len(problems)), pair, mode) for mode in ("cold", "warm"))
+    assert [row["problem"] for row in warm] == [1, 2, 3]
+    assert all(row["solved"] for row in cold + warm)
+    found, other = ([row["objective"] for row in rows] for rows in (warm, cold[1:]))
+    np.testing.assert_allclose(found, other, rtol=0.0, atol=0.02)
+    assert [row["iterations"] for row in warm] != [row["iterations"] for row in cold[1:]]

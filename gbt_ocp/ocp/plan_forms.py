@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -53,6 +53,32 @@ class _Sums:
         """The sum over the ends of the pieces, or of the periods."""
         columns = [values[:, -1].T for values in trajectory.sample(2)]
         return float(sum(float(f(*columns, p)) for f, p in zip(self._totals, parameters, strict=True)))
+
+
+class PlanForm(Protocol):
+    """What plans of both forms have; a trajectory is one of the form's own. See :class:`FlatPlans`."""
+
+    scale: Array
+    objective: _Sums
+
+    @property
+    def check(self) -> Any: ...  # noqa: D102
+
+    def start(self, state: ArrayLike, acting: Array | None = None, expected: Array | None = None) -> Array: ...  # noqa: D102
+
+    def acting(self, piece: Array) -> Array: ...  # noqa: D102
+
+    def trajectory(self, start: Array, top: Array) -> Any: ...  # noqa: D102
+
+    def coasting(self, start: Array) -> Array: ...  # noqa: D102
+
+    def rest(self, previous: Any, start: Array) -> Array: ...  # noqa: D102
+
+    def mended(self, start: Array, top: Array) -> Array | None: ...  # noqa: D102
+
+    def braking(self, start: Array) -> Array: ...  # noqa: D102
+
+    def plan(self, trajectory: Any, step: PlannerStep, named: Named, **rest: Any) -> Any: ...  # noqa: D102
 
 
 class FlatPlans:
@@ -238,7 +264,7 @@ def cold_guess(problem: ProblemData, start: Array) -> Array:
     return top / input_scale(problem)
 
 
-def plan_form(problem: PosedProblem) -> Any:
+def plan_form(problem: PosedProblem) -> PlanForm:
     """:class:`FlatPlans` or :class:`ShotPlans`, which have the same members."""
     if isinstance(problem, ShootingData):
         return ShotPlans(problem)

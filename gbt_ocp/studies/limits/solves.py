@@ -150,11 +150,12 @@ class _Solve:
         if mode == COLD:
             return self.start_from(self._form.coasting(self._start(instance)), instance)
         assert instance.previous is not None
-        if isinstance(self._planner.problem, ShootingProblem):
-            rest = self._form.rest(held_half_way(instance.previous, self._planner.problem))
-        else:
-            rest = instance.previous.shifted().top
-        return self.start_from(rest / self._form.scale, instance, cold=False)
+        problem, previous = self._planner.problem, instance.previous
+        if isinstance(problem, ShootingProblem):
+            previous = self._form.trajectory(
+                self._form.start(previous.start[: problem.joined]), held_half_way(previous, problem)
+            )
+        return self.start_from(self._form.rest(previous, instance.start) / self._form.scale, instance, cold=False)
 
     def start_from(self, guess: Array, instance: Instance, cold: bool = True) -> Row:
         """Solve from a guess u ``(p, freedoms)``."""
