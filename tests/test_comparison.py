@@ -16,9 +16,8 @@ from scipy.integrate import solve_ivp
 import gbt_ocp as gbt
 from gbt_ocp.cli import main as cli
 from gbt_ocp.cli.studies import COMPARED
-from gbt_ocp.experiments.build.loop import build_vehicle
+from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
 from gbt_ocp.experiments.config.loading import load_config
-from gbt_ocp.ocp import ShootingProblem
 from gbt_ocp.ocp.codegen.library import find_compiler
 from gbt_ocp.ocp.shot import Shots
 from gbt_ocp.ocp.solvers.base import Solution
@@ -27,7 +26,7 @@ from gbt_ocp.studies.limits import sensitivity, treatments
 from gbt_ocp.studies.limits import tasks as plan
 from gbt_ocp.studies.limits.comparison_figures import COLOURS
 from gbt_ocp.studies.limits.formulations import COMPARED_SOLVERS, COMPILED, FORMULATIONS, IPOPT, Formulation, _planner
-from gbt_ocp.studies.limits.integrated import resolving_steps
+from gbt_ocp.studies.limits.integrated import by_integration
 from gbt_ocp.studies.limits.parts import CarryOut
 from gbt_ocp.studies.limits.problems import Problems, draw, record
 from gbt_ocp.studies.limits.soft import SoftIpoptSolver
@@ -400,11 +399,11 @@ def test_soft_limits_and_shooting_answer_the_same_questions(tmp_path):
 
 def test_steps_of_plans_by_integration_resolve_the_motion():
     """A piece of so many Runge-Kutta steps ends where an adaptive integration of the numpy model ends."""
-    vehicle = build_vehicle(load_config("sea2d"))
-    assert resolving_steps(vehicle, 0.1) == 1
-    steps = resolving_steps(vehicle, 1.0)
-    assert 1 < steps < 16
-    shots = Shots(ShootingProblem(vehicle, 1, 1.0, "held", steps))
+    configuration = load_config("sea2d", ["planner.pieces=1"])
+    vehicle = build_vehicle(configuration)
+    posed = by_integration(build_problem(configuration, vehicle))
+    assert 1 < posed.steps < 16
+    shots = Shots(posed)
     rng = np.random.default_rng(0)
     for _ in range(3):
         z, dz = rng.normal(size=3), rng.normal(size=3) * [1.5, 1.5, 0.4]
@@ -451,7 +450,7 @@ def test_shooting_takes_the_limits_at_sea_with_both_solvers():
     for mine, other in both:
         assert mine["violation_nodes"] < 0.01
         # not convex: each may end in another plan that is about as good
-        assert mine["objective"] == pytest.approx(other["objective"], abs=0.05)
+        assert mine["objective"] == pytest.approx(other["objective"], abs=0.1)
         assert {"violation_thrust", "violation_certain", "violation_believed"} <= set(mine)
 
 
