@@ -402,7 +402,7 @@ def test_steps_of_plans_by_integration_resolve_the_motion():
     configuration = load_config("sea2d", ["planner.pieces=1"])
     vehicle = build_vehicle(configuration)
     posed = by_integration(build_problem(configuration, vehicle))
-    assert 1 < posed.steps < 16
+    assert 1 < posed.runge_kutta_steps < 16
     shots = Shots(posed)
     rng = np.random.default_rng(0)
     for _ in range(3):
