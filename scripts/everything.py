@@ -102,7 +102,7 @@ BENCHMARKS = (
     benchmark("theory_coverage"),
     benchmark("tracker"),
     benchmark("measurement_kinds"),
-    benchmark("pilot_foreign_loop"),
+    benchmark("pilot_foreign_loop", "--seeds", "40"),
     benchmark("objectives"),
     benchmark("follower", "sea2d"),
     benchmark("plant_errors", "sea2d", "--seeds", "20", "--out", f"{OUT}/runs"),
