@@ -156,7 +156,8 @@ BENCHMARKS = (
     ),
     benchmark(
         "sea_plans",
-        *("sea2d", "sea3d", "sea2d_speed", "sea3d_speed", "--seeds", "20", "--jobs", "1", "--out", f"{OUT}/runs"),
+        *("sea2d", "sea3d", "sea2d_speed", "sea3d_speed", "--seeds", "40", "--duration", "300", "--jobs", "1"),
+        *("--out", f"{OUT}/runs"),
     ),
     benchmark(
         "sea_plans",
