@@ -161,6 +161,13 @@ BENCHMARKS = (
     ),
     benchmark(
         "sea_plans",
+        *("sea2d", "sea3d", "sea2d_speed", "sea3d_speed", "--seeds", "40", "--duration", "300", "--jobs", "1"),
+        *("--set", "desired_bearing.speed_mps=sensor", "--set", "desired_bearing.reverse_s=12"),
+        *("--set", "limits.speed=4", "--out", f"{OUT}/runs"),
+        name="sea_by_clock",
+    ),
+    benchmark(
+        "sea_plans",
         *("sea2d", "sea3d", "--effort", "0", "0.1", "0.3", "--seeds", "20", "--out", f"{OUT}/runs"),
         name="sea_effort",
     ),
