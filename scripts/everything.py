@@ -171,6 +171,10 @@ BENCHMARKS = (
         *("sea2d", "sea3d", "--effort", "0", "0.1", "0.3", "--seeds", "20", "--out", f"{OUT}/runs"),
         name="sea_effort",
     ),
+    benchmark(
+        "sea_limit",
+        *("sea2d", "sea3d", "sea2d_speed", "sea3d_speed", "--seeds", "10", "--out", f"{OUT}/runs"),
+    ),
     benchmark("sea_two", "--seeds", "20", "--out", f"{OUT}/runs"),
     benchmark("sea_recorded", TRACKS, "--seeds", "4", "--duration", "120", "--out", f"{OUT}/runs"),
     *(
