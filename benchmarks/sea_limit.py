@@ -95,9 +95,8 @@ def main() -> None:
                 rows.append(run(name, seed, options.duration, options.particles))
                 with kept.open("a") as file:
                     file.write(json.dumps(rows[-1]) + "\n")
-    print(
-        "| configuration | runs | tracker, now / +10 s, % | exact law | ratio now | in 10 s |\n|---|---|---|---|---|---|"
-    )
+    print("| configuration | runs | tracker, now / +10 s, % | exact law | ratio now | in 10 s |")
+    print("|---|---|---|---|---|---|")
     for name in options.configurations:
         of = [row for row in rows if row["name"] == name and row["seed"] < options.seeds]
         ours, limit = (100.0 * np.mean([row[key] for row in of], axis=0) for key in ("tracker", "limit"))
