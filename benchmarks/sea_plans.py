@@ -32,7 +32,7 @@ TRACK = [
 ]  # fmt: skip
 PLANS = [
     "configuration", "plans", "first solve answered, %", "of these a limit given up", "fallbacks: shifted, cold, "
-    "unfinished, braking", "iterations", "median ms", "99 % ms", "most ms",
+    "unfinished, braking", "iterations: mean (median, 99 %)", "median ms", "99 % ms", "most ms",
 ]  # fmt: skip
 EFFORT = ["configuration", "power, W", "thrust reversals a minute"]
 
@@ -65,7 +65,8 @@ def plans_line(name: str, done: gbt.Sweep, rows: Sequence[dict[str, Any]]) -> li
     took = 1e3 * times[planned]
     answered = f"{100.0 * (solved + gave) / planned.sum():.2f}"
     spread = [f"{value:.1f}" for value in (np.median(took), np.percentile(took, 99), took.max())]
-    iterations = f"{spent[planned].mean():.1f}"
+    middle, late = np.percentile(spent[planned], [50, 99])
+    iterations = f"{spent[planned].mean():.1f} ({middle:.0f}, {late:.0f})"
     return [name, str(int(planned.sum())), answered, str(gave), ", ".join(fallbacks), iterations, *spread]
 
 
