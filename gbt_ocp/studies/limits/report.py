@@ -77,18 +77,18 @@ def report(folder: Path, tables: Tables, drawn: Sequence[str] = ()) -> str:
     for (origin, mode), title in _SETS.items():
         rows = [row for row in tables["open_loop"] if (row["origin"], row["mode"]) == (origin, mode)]
         if rows:
-            lines += [f"### {title[0].upper()}{title[1:]}", "", *table(list(map(_open_loop_row, rows)), _OPEN_LOOP), ""]
+            lines += [f"### Open loop: {title}", "", *table(list(map(_open_loop_row, rows)), _OPEN_LOOP), ""]
     lines += ["## Table paired", "", "Medians of ratios and differences, means of objective and violation.", ""]
     for (origin, mode), title in _SETS.items():
         rows = [row for row in tables["paired"] if (row["origin"], row["mode"]) == (origin, mode)]
         if rows:
-            lines += [f"### {title[0].upper()}{title[1:]}", "", *table(list(map(_paired_row, rows)), _PAIRED), ""]
+            lines += [f"### Paired: {title}", "", *table(list(map(_paired_row, rows)), _PAIRED), ""]
     if tables["classes"]:
         lines += ["## Table classes", "", "Solutions that break a limit of a class between its nodes, by how much.", ""]
         for (origin, mode), title in _SETS.items():
             rows = [row for row in tables["classes"] if (row["origin"], row["mode"]) == (origin, mode)]
             if rows:
-                lines += [f"### {title[0].upper()}{title[1:]}", "", *table(map(_class_row, rows), _CLASSES), ""]
+                lines += [f"### Classes: {title}", "", *table(map(_class_row, rows), _CLASSES), ""]
     lines += ["## Table closed_loop", "", *table(list(map(_loop_row, tables["closed_loop"])), _LOOP), ""]
     if tables["at_a_distance"]:
         lines += ["## Table at_a_distance", "", *table(map(_distant_row, tables["at_a_distance"]), _DISTANT), ""]
@@ -100,11 +100,11 @@ def report(folder: Path, tables: Tables, drawn: Sequence[str] = ()) -> str:
         ),
         "",
     ]
-    pooled = {key: name for key, name in _SENSITIVITY.items() if key not in ("case", "mode")}
-    lines += ["## Table settings", "", "All configurations, cold and warm starts together; the narrowest kink.", ""]
-    lines += [*table(tables["settings"], pooled), ""]
-    lines += ["## Table sensitivity", ""]
-    lines += [*table(tables["sensitivity"], _SENSITIVITY), ""]
+    if tables["sensitivity"]:
+        pooled = {key: name for key, name in _SENSITIVITY.items() if key not in ("case", "mode")}
+        lines += ["## Table settings", "", "All configurations, cold and warm starts together; the narrowest kink.", ""]
+        lines += [*table(tables["settings"], pooled), ""]
+        lines += ["## Table sensitivity", "", *table(tables["sensitivity"], _SENSITIVITY), ""]
     costs = tables["costs"]
     total = sum(row["core_s"] for row in costs)
     lines += [
