@@ -129,6 +129,7 @@ BENCHMARKS = (
     benchmark("planner_peers", *SHOOTING_PEERS, "--pieces", "5", name="shooting_peers"),
     benchmark("planner_peers", *SHOOTING_PEERS, "--pieces", "10", name="shooting_peers_10"),
     benchmark("shooting_closed_loop", "--seeds", "10", "--json", f"{OUT}/loop.json"),
+    benchmark("settled_error", "--seeds", "10"),
     benchmark("generated_c", "--seeds", "3", minutes=1.5),
     benchmark("kernel_versions", "--base", "e63aa57", "--repeats", "3", minutes=2.0),
     benchmark("single_precision"),
