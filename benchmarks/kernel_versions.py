@@ -34,7 +34,6 @@ from gbt_ocp.ocp.codegen.problem_source import generate_problem
 from gbt_ocp.ocp.plan_forms import plan_form
 from gbt_ocp.ocp.problem_data import HardLimit, PosedProblem
 from gbt_ocp.ocp.solvers.compiled import CompiledSolver
-from gbt_ocp.ocp.solvers.kernel_arrays import stacked_parameters
 
 FORMS = ("degree 2", "degree 4, C1", "held thrust")
 HERE = Path(__file__).resolve()
@@ -159,6 +158,9 @@ def recorded_steps(case: str, seconds: float, pieces: int) -> tuple[TrajectoryPr
 
 def in_kernel(problem: PosedProblem, steps: Sequence[tuple[np.ndarray, list]]) -> Iterator[tuple[np.ndarray, ...]]:
     """Starts and numbers as the kernel takes them, relative to where the plan begins."""
+    # the package of the earlier commit, which this file runs with too, has it elsewhere
+    from gbt_ocp.ocp.solvers.kernel_arrays import stacked_parameters
+
     coordinates, form = CompiledSolver(problem, {})._coordinates, plan_form(problem)
     for start, parameters in steps:
         origin, begin = coordinates.begin(form.start(start) if isinstance(problem, ShootingProblem) else start)
