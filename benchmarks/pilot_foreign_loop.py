@@ -221,7 +221,8 @@ def main() -> None:
     low, high = interval(*np.transpose(rows)[:2]) if len(rows) > 1 else (math.nan, math.nan)
     seeds = f"{arguments.first_seed} to {arguments.first_seed + len(rows) - 1}"
     ratio = f"{means[1] / means[0]:.3f} ({low:.2f} to {high:.2f})"
-    print("\n| seeds | built-in loop, % of range | foreign loop | ratio (95 %) | overhead, µs a call | Python, s |")
+    print("\nAll seeds\n")
+    print("| seeds | built-in loop, % of range | foreign loop | ratio (95 %) | overhead, µs a call | Python, s |")
     print("|---|---|---|---|---|---|")
     cells = (f"{100.0 * means[0]:.2f}", f"{100.0 * means[1]:.2f}", ratio, f"{1e6 * means[2]:.0f}", f"{pace():.2f}")
     print(f"| {seeds} | " + " | ".join(cells) + " |")

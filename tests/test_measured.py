@@ -47,13 +47,13 @@ def test_a_page_that_quotes_a_missing_key_is_refused(quoted, says):
 
 
 def test_a_cell_and_a_table_are_those_of_the_file():
-    table = measured.read("comparison_sea")["tables"]["closed_loop"]
+    table = measured.read("comparison_sea")["tables"]["table_at_a_distance"]
     (row,) = (row for row in table["rows"] if row[:2] == ["sea3d", "hard"])
-    quoted = "{{ data.comparison_sea.closed_loop[sea3d / hard, least range m] }}"
+    quoted = "{{ data.comparison_sea.table_at_a_distance[sea3d / hard, least range m] }}"
     assert measured.rendered(quoted) == row[table["columns"].index("least range m")]
-    shown = measured.rendered("{{ data.comparison_sea.closed_loop }}")
+    shown = measured.rendered("{{ data.comparison_sea.table_at_a_distance }}")
     assert write_data.tables_in(shown) == {"table": table}
-    folded = measured.rendered('??? note "All"\n\n    {{ data.comparison_sea.closed_loop }}\n').splitlines()[2:]
+    folded = measured.rendered('??? note "All"\n\n    {{ data.comparison_sea.table_at_a_distance }}\n').splitlines()[2:]
     assert [line.removeprefix("    ") for line in folded] == shown.splitlines()
 
 
