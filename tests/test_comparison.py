@@ -433,7 +433,7 @@ def test_plans_by_integration_are_no_configuration_of_a_comparison(tmp_path):
 @pytest.mark.long
 def test_shooting_takes_the_limits_at_sea_with_both_solvers():
     """Standoff, speed and yaw rate: compiled and IPOPT find the same plans, which keep the limits at the nodes."""
-    overrides = ["planner.pieces=4", "limits.nodes=2", "duration_s=3.0"]
+    overrides = ["planner.pieces=4", "limits.nodes=3", "duration_s=3.0"]
     # a turn at the vehicle's fastest, with all of its thrust
     overrides += ["limits.speed=4.0", "desired_bearing.speed_mps=sensor", "desired_bearing.period_s=auto"]
     overrides += ["desired_bearing.reverse_s=12.0"]
@@ -450,7 +450,7 @@ def test_shooting_takes_the_limits_at_sea_with_both_solvers():
     for mine, other in both:
         assert mine["violation_nodes"] < 0.01
         # not convex: each may end in another plan that is about as good
-        assert mine["objective"] == pytest.approx(other["objective"], abs=0.1)
+        assert mine["objective"] == pytest.approx(other["objective"], abs=0.05)
         assert {"violation_thrust", "violation_certain", "violation_believed"} <= set(mine)
 
 

@@ -355,17 +355,15 @@ def test_several_steps_and_rates_compiled_as_by_ipopt(thrust, tmp_path):
 def test_a_torpedo_closes_the_loop():
     """With feedback, through a plant with a lag; its own limits in every sample."""
     overrides = ["vehicle.follow=feedback", "guidance.startup_deviation=0.6", "planner.pieces=8", "plant.thrust=0.97"]
+    overrides += ["tracker.noise.std_deg=1.15"]
     loop, start = build_loop(load_config("torpedo2d", overrides=overrides, seed=1))
     history = simulate(loop, start, 12.0).history
     ahead, rate = history.vehicle_velocity[:, 0], history.vehicle_velocity[:, -1]
     assert ahead.min() >= 0.8
     assert np.all(ahead >= 4.0 * np.abs(rate) - 0.05)
     assert np.nanmax(history.piece_thrust_peak) <= 1.0
-    # all plans begin inside the standoff, and each goes on from the last one, which leads out already; over eight seeds
-    # one of 70 runs out of iterations, and serves better than braking as it is
-    answered = np.isin(history.solver_status[history.planned], ("solved", "given up"))
-    assert np.sum(~answered) <= 1
-    assert set(history.fallback[history.planned][~answered]) <= {"unfinished"}
+    # all plans begin inside the standoff, and each goes on from the last one, which leads out already
+    assert np.all(np.isin(history.solver_status[history.planned], ("solved", "given up")))
     assert np.median(history.solver_iterations[history.planned]) <= 12
     assert history.planned.sum() >= 3
     assert np.nanmax(history.off_plan) < 0.5
