@@ -3,7 +3,10 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from test_one_step import Bare
 
+from gbt_ocp.experiments.build.loop import build_planner, build_vehicle
+from gbt_ocp.experiments.config.loading import load_config
 from gbt_ocp.guidance.objectives import BearingSimilarity, RangePull
 from gbt_ocp.models.fossen import FALCON_2D, FALCON_3D, FossenVehicle
 from gbt_ocp.models.vehicles import PlanarPointMass
@@ -238,7 +241,7 @@ def test_a_tightened_solve_that_fails_counts_as_a_failure():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("last", [[solved(just_over(0.03))] * TIGHTENINGS, [failed("Infeasible")]])
+@pytest.mark.parametrize("last", [[solved(just_over(0.03))], [failed("Infeasible")]])
 def test_the_solution_that_breaks_the_thrust_least_is_mended_where_tightening_does_not_help(last):
     planner, _ = planner_with(solved(FINE), solved(just_over(0.02)), *last)
     first = planner.solve(REST, **numbers())
@@ -390,3 +393,33 @@ def test_a_start_a_hair_inside_a_forbidden_circle_is_planned_out_of_it():
     plan = problem.compile("ipopt").solve([[0.5 - 1e-6, 0.0, 0.0], [0.0, 0.0, 0.0]], **numbers())
     assert plan.fallback == ""
     assert np.hypot(*plan.endpoints[0][:2]) >= 0.5
+
+
+@pytest.mark.parametrize("rates", [(-3.1, 0.3, 0.6), (-3.15, 0.2, 0.65)])
+def test_thrust_that_tightening_does_not_bring_within_its_limits_is_mended(rates):
+    """At full speed askew the yaw torque peaks between the nodes, whatever is asked of it there.
+
+    The target is believed to be nearer than the standoff allows. To ask for more than a round has gained ended in a
+    braking plan, or turned the vehicle at four times its yaw rate; both forms of the step answer alike.
+    """
+    configuration = load_config("sea2d_speed")
+    planner = build_planner(configuration, build_vehicle(configuration))
+    ladder = Planner(planner.problem, Bare(planner.solver))
+    start = np.array([[34.4, -84.54, 8.37], rates])
+    seconds, spread = np.arange(1.0, 21.0), np.array([[3.0, 0.2], [0.2, 0.05]])
+    mean = np.array([69.9, -84.6])
+    given = {
+        "forecast": Forecast(mean + seconds[:, None] * [-0.65, 0.35], (1.0 + 0.05 * seconds)[:, None, None] * spread),
+        "present": Forecast(mean, spread),
+        "desired": np.stack([np.cos(0.062 * seconds), -np.sin(0.062 * seconds)], axis=1),
+    }
+    for asked in (planner, ladder):
+        plan = asked.solve(start, **given)
+        assert (plan.status, plan.fallback) == ("given up", "")
+        assert plan.tightened == 1
+        assert plan.given_up == pytest.approx({"range": plan.broken_at_start["range"]}, rel=1e-2)
+        vehicle, top = planner.problem.vehicle, plan.trajectory.top[0]
+        for t in np.linspace(0.0, planner.problem.period, 401):
+            point = start[0] + t * start[1] + 0.5 * t**2 * top, start[1] + t * top, top
+            thrust = np.asarray(vehicle.inputs(*map(ca.DM, point))).ravel()
+            assert np.all(np.abs(thrust) <= vehicle.thrust_max)

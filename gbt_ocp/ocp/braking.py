@@ -22,7 +22,7 @@ ROUNDS = 20
 PROGRESS = 1.0e-4
 """By which a round has to be better, in units of the limits: rounding must not decide what follows."""
 
-INSIDE = 0.998
+INSIDE = 0.995
 """Share of the limits that a projection leads to: between the points thrust may bulge a little."""
 
 

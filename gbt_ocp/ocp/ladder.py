@@ -162,13 +162,13 @@ class Ladder:
         broken = self._check.survey(trajectory, given.limits)[self._judged]
         return float(self._form.objective(trajectory, given.objectives)), float(np.max(broken, initial=0.0))
 
-    def _mended(self, given: _Given, trajectory: Any) -> Any:
-        """With a first piece that is brought within the thrust; ``None`` if that cannot be."""
+    def _mended(self, given: _Given, trajectory: Any, *, thrust_only: bool = True) -> Any:
+        """With a first piece that is brought within the thrust; ``None`` if that cannot be, or does not serve then."""
         top = self._form.mended(given.start, trajectory.top)
         if top is None:
             return None
         mended = self._form.trajectory(given.start, top)
-        return mended if self._serves(given, mended, thrust_only=True) else None
+        return mended if self._serves(given, mended, thrust_only=thrust_only) else None
 
     def _excess(self, given: _Given, fine: Array) -> Array:
         """How far judged limits are broken in the first piece beyond what cannot be helped ``(count,)``, at least 0.
@@ -182,8 +182,9 @@ class Ladder:
     def _attempt(self, given: _Given, guess: Array, *, cold: bool) -> _Attempt:
         """Solve, and while the piece to be executed breaks limits between the nodes, tighten each by what it breaks.
 
-        Thrust must be kept in the end: where that does not lead to it, nor to an iterate that keeps all limits, the
-        solution that breaks it least is mended.
+        Thrust must be kept in the end. Where a round has gained little of it, the solution that breaks it least is
+        mended, or else this one, if that keeps all limits: to ask for more would move what has nothing to do with it.
+        Where neither leads to it, nor to an iterate that keeps all limits, the one that breaks it least is mended.
         Another limit is tightened as long as that helps, and not where it has been given up already.
         """
         count = len(self._judged)
@@ -209,6 +210,11 @@ class Ladder:
                 status = "limits broken between nodes"
             if over < least or over <= 0.0:
                 best, least = trajectory, over
+            if np.any(self._thrust & (excess > (1.0 - GAINED) * before)):
+                for found in (best, trajectory):
+                    mended = self._mended(given, found, thrust_only=False)
+                    if mended is not None:
+                        return _Attempt("solved", mended, None, iterations, tightened)
             if not np.any(again) or tightened == TIGHTENINGS:
                 break
             # a little more than was found, over the share that the round before gained of what it was asked for

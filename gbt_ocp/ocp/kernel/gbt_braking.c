@@ -15,7 +15,7 @@
 #define FIRST (GBT_JOINED == 2 ? 0 : 1) /* of them that the lowest free derivative moves */
 #define ROUNDS 20 /* of projections over these points, at most */
 #define PROGRESS ((gbt_real)1e-4) /* by which a round has to be better: rounding must not decide what follows */
-#define INSIDE ((gbt_real)0.998) /* share of the limits that a projection leads to: between the points thrust may bulge */
+#define INSIDE ((gbt_real)0.995) /* share of the limits that a projection leads to: between the points thrust may bulge */
 
 #define MENDABLE ((gbt_real)0.1) /* excess up to which a piece is mended: beyond, little of its plan would be left */
 

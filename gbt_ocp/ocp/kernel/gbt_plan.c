@@ -96,17 +96,24 @@ static int serves(const gbt_planner *planner, const gbt_real *state, const gbt_r
     return gbt_beats_braking(state, &plan->top[0][0], parameters);
 }
 
-/* Whether the first piece of plan->top can be brought within the thrust; it is then. */
-static int mends(const gbt_planner *planner, const gbt_real *state, const gbt_real *parameters, gbt_plan_result *plan)
+/* Whether the first piece of plan->top can be brought within the thrust and serves then; it is left there if so. */
+static int mends(const gbt_planner *planner, const gbt_real *state, const gbt_real *parameters, gbt_plan_result *plan,
+                 int thrust_only)
 {
-    return gbt_mend(state, &plan->top[0][0]) && serves(planner, state, parameters, plan, 1);
+    gbt_real found[N];
+    keep(&plan->top[0][0], found);
+    if (gbt_mend(state, &plan->top[0][0]) && serves(planner, state, parameters, plan, thrust_only)) return 1;
+    keep(found, &plan->top[0][0]);
+    return 0;
 }
 
 /* Solves from plan->top within so many iterations. While the piece that is to be executed breaks limits between the
    nodes, these limits are tightened, each by what it was broken, and the problem is solved again. Thrust must be kept in
-   the end: where that does not lead to it, nor to an iterate that keeps all limits, the solution that breaks it least is
-   mended. Another limit is tightened as long as that helps, and not where it has been given up already. Returns
-   GBT_SOLVED if plan->top may be executed, and leaves the last iterate there at GBT_ITERATION_LIMIT. */
+   the end. Where a round has gained little of it, the solution that breaks it least is mended, or else this one, if that
+   keeps all limits: to ask for more would move what has nothing to do with it. Where neither leads to it, nor to an
+   iterate that keeps all limits, the one that breaks it least is mended. Another limit is tightened as long as that helps, and not where it has been
+   given up already. Returns GBT_SOLVED if plan->top may be executed, and leaves the last iterate there at
+   GBT_ITERATION_LIMIT. */
 static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt_real *parameters, int warm,
                           int iterations, gbt_plan_result *plan)
 {
@@ -126,7 +133,7 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
         gbt_real fine[1][GBT_LIMITS + 1], nodes[1][GBT_LIMITS + 1];
         gbt_result result;
         gbt_real over = 0;
-        int again = 0;
+        int again = 0, stuck = 0;
         settings.deadline = last - plan->iterations;
         status = gbt_solve(&settings, state, parameters, tightening, warm, u, &planner->work, &result);
         plan->iterations += result.iterations;
@@ -140,6 +147,7 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
             const int thrust = gbt_limits[q].kind == GBT_THRUST;
             if (excess <= 0) continue;
             if (thrust && excess > over) over = excess;
+            if (thrust && excess > (1 - GAINED) * before[q]) stuck = 1;
             if (!thrust && gbt_limits[q].hard && nodes[0][q] > settings.feasibility) continue;
             if (!thrust && excess > before[q] / 2) continue;
             /* a little more than was found, over the share that the round before gained of what it was asked for */
@@ -152,6 +160,14 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
             least = over;
             keep(&plan->top[0][0], best);
         }
+        if (stuck) {
+            gbt_real found[N];
+            keep(&plan->top[0][0], found);
+            keep(best, &plan->top[0][0]);
+            if (mends(planner, state, parameters, plan, 0)) return GBT_SOLVED;
+            keep(found, &plan->top[0][0]);
+            if (mends(planner, state, parameters, plan, 0)) return GBT_SOLVED;
+        }
         if (!again || tightened == GBT_TIGHTENINGS) break;
         plan->tightened++;
         warm = GBT_AGAIN;
@@ -159,7 +175,7 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
     if (least == GBT_INFINITY) return status;
     if (least > 0 && status == GBT_ITERATION_LIMIT && serves(planner, state, parameters, plan, 0)) return status;
     keep(best, &plan->top[0][0]);
-    if (least <= 0 || mends(planner, state, parameters, plan)) return GBT_SOLVED;
+    if (least <= 0 || mends(planner, state, parameters, plan, 1)) return GBT_SOLVED;
     for (int k = 0; k < N; k++) plan->top[k / GBT_FREE][k % GBT_FREE] = u[k] * gbt_input_scale[k % GBT_FREE];
     return status;
 }
@@ -249,14 +265,14 @@ static void plan_from(gbt_planner *planner, const double *origin, const gbt_real
     }
     if (found != GBT_SOLVED && some) {
         keep(unfinished, &plan->top[0][0]);
-        if (serves(planner, state, parameters, plan, 1) || mends(planner, state, parameters, plan)) {
+        if (serves(planner, state, parameters, plan, 1) || mends(planner, state, parameters, plan, 1)) {
             plan->origin = GBT_UNFINISHED;
             found = GBT_SOLVED;
         }
     }
     if (found != GBT_SOLVED && planner->warm) {
         resume(planner, origin, state, &plan->top[0][0]);
-        if (mends(planner, state, parameters, plan)) {
+        if (mends(planner, state, parameters, plan, 1)) {
             plan->origin = GBT_SHIFTED;
             found = GBT_SOLVED;
         }
