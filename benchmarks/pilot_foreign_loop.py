@@ -211,10 +211,10 @@ def main() -> None:
             configuration, seed, arguments.seconds, std, again if arguments.own_errors else chain(angles, again)
         )
         rows.append((inside, outside, overhead))
-        health = pilot._piloting._health(arguments.seconds)
+        received = pilot._piloting._state(arguments.seconds).received
         print(
             f"seed {seed}: built-in {inside:.4f}, foreign {outside:.4f} of the range; overhead {1e6 * overhead:.1f} us "
-            f"a call; {between - began:.0f} and {perf_counter() - between:.0f} s; {dict(health.received)}",
+            f"a call; {between - began:.0f} and {perf_counter() - between:.0f} s; {dict(received)}",
             flush=True,
         )
     means = np.mean(rows, axis=0)

@@ -154,7 +154,7 @@ def shortened(tree, law):
     except ValueError:
         return None
     size = max(found.tracker.window, found.tracker.forecast, found.planner.pieces * found.planner.nodes)
-    thrust = max(getattr(found.vehicle, "thrust_max", (0.0,)))
+    thrust = max(getattr(found.vehicle, "thrust_max", None) or (0.0,))
     return found if size <= 200 and period < 100.0 and thrust < 1e6 else None
 
 

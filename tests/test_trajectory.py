@@ -102,6 +102,20 @@ def test_the_later_piece_counts_at_a_boundary_however_it_was_rounded():
     assert plan(3.0, 2)[0] == 30.0
 
 
+@every_degree
+def test_a_step_is_what_lies_between_two_times(degree):
+    plan = trajectory(degree)
+    for since, until in (
+        (0.0, 0.02),
+        (1.3 * PERIOD, 1.9 * PERIOD),
+        (0.7 * PERIOD, 2.4 * PERIOD),
+        (3.5 * PERIOD, 4.2 * PERIOD),
+    ):
+        gone = plan.step(since, until)
+        for order in range(2):
+            np.testing.assert_allclose(gone[order], plan(until, order) - plan(since, order), atol=1e-11)
+
+
 def test_beyond_its_ends_the_outer_pieces_are_continued():
     plan = trajectory(3)
     for time, piece in ((-0.2, 0), (1.5, 3)):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import accumulate, repeat
 from math import factorial
-from operator import mul, sub
+from operator import mul
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -245,13 +245,17 @@ class FlatTrajectory:
         """z, ż, z̈ at one time, each ``(n,)``: what three calls of the trajectory give, in a tenth of their time."""
         return FlatPoint(*self._values(time))
 
-    def step(self, since: float, until: float) -> Array:
-        """How far z, ż and z̈ go between two times ``(3, n)``."""
-        (piece, begin), (last, end) = self._powers(since), self._powers(until)
+    def step(self, since: float, until: float) -> tuple[list[float], list[float]]:
+        """How far z and ż go between two times, n numbers each, in a sixth of the time of two points."""
+        piece, last = self._piece(since), self._piece(until)
         if piece != last:
-            return self._values(until) - self._values(since)
-        values: Array = np.dot(list(map(sub, end, begin)), self._derivatives(piece))
-        return values
+            z, dz, _ = (self._values(until) - self._values(since)).tolist()
+            return z, dz
+        begin, end = since - piece * self.period, until - piece * self.period
+        shares = [(end**k - begin**k) / factorial(k) for k in range(1, self.degree + 1)]
+        slopes = self._slopes_of(piece)
+        # the products end with the shorter of the two
+        return [sum(map(mul, one, shares)) for one in slopes], [sum(map(mul, one[1:], shares)) for one in slopes]
 
     def _values(self, time: float) -> Array:
         """z, ż, z̈ at one time ``(3, n)``."""
@@ -261,8 +265,26 @@ class FlatTrajectory:
 
     def _powers(self, time: float) -> tuple[int, list[float]]:
         """The piece of a time, and the powers 1, s, …, s^L of the time s since that piece began."""
-        piece = min(max(int((time / self.period + 1e-9) // 1.0), 0), len(self.top) - 1)
+        piece = self._piece(time)
         return piece, list(accumulate(repeat(time - piece * self.period, self.degree), mul, initial=1.0))
+
+    def _piece(self, time: float) -> int:
+        """The number of the piece of a time: the later one at a boundary, the first or last one beyond the ends."""
+        return min(max(int((time / self.period + 1e-9) // 1.0), 0), len(self.top) - 1)
+
+    def _slopes_of(self, piece: int) -> list[tuple[float, ...]]:
+        """Derivatives 1 … L of each flat output where a piece begins, kept."""
+        slopes = self._slopes.get(piece)
+        if slopes is None:
+            begin = self.start if piece == 0 else self.knots[piece]
+            slopes = list(zip(*begin[1:].tolist(), *self._free[piece].tolist(), strict=True))
+            self._slopes[piece] = slopes
+        return slopes
+
+    @cached_property
+    def _slopes(self) -> dict[int, list[tuple[float, ...]]]:
+        """What :meth:`_slopes_of` gave, piece by piece."""
+        return {}
 
     def _derivatives(self, piece: int) -> Array:
         """What :meth:`_derivatives_of` gives, kept."""

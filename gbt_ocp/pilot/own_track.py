@@ -37,19 +37,17 @@ class OwnState(NamedTuple):
     heading_std: float = 0.0
 
 
-def earth_rates(pose: Array, velocity: Array, dimension: int) -> Array:
+def earth_rates(pose: list[float], velocity: list[float], dimension: int) -> Array:
     """The rates of a pose, of a velocity in the body frame and the rates of the angles, as many numbers.
 
     The angles follow the d of the position: yaw, a turn about the vertical, and where there is one the pitch, bow up.
     """
-    angles, rates = pose[dimension:].tolist(), velocity.tolist()
-    ahead, aside = rates[:2]
-    if len(angles) > 1:
-        c, s = math.cos(angles[1]), math.sin(angles[1])
-        ahead, rates[2] = c * ahead - s * rates[2], s * ahead + c * rates[2]
-    c, s = math.cos(angles[0]), math.sin(angles[0])
-    rates[0], rates[1] = c * ahead - s * aside, s * ahead + c * aside
-    return np.array(rates)
+    ahead, aside, *rest = velocity
+    if len(pose) > dimension + 1:
+        c, s = math.cos(pose[dimension + 1]), math.sin(pose[dimension + 1])
+        ahead, rest[0] = c * ahead - s * rest[0], s * ahead + c * rest[0]
+    c, s = math.cos(pose[dimension]), math.sin(pose[dimension])
+    return np.array([c * ahead - s * aside, s * ahead + c * aside, *rest])
 
 
 class OwnTrack:

@@ -12,7 +12,7 @@ from gbt_ocp.guidance.strategy import Placement
 from gbt_ocp.models.vehicles import Vehicle
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
 from gbt_ocp.pilot.online_loop import Decided
-from gbt_ocp.pilot.pilot_health import PilotHealth
+from gbt_ocp.pilot.pilot_health import PilotHealth, PilotState
 from gbt_ocp.pilot.setpoint import Setpoint, setpoint_of
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
@@ -34,8 +34,8 @@ class PilotCommand:
         N m. ``None`` where the guidance asks for a place and not for thrust.
     range_known
         Whether the deviation of the range is below a quarter of the range.
-    health
-        See :class:`~gbt_ocp.pilot.PilotHealth`.
+    state
+        What :attr:`health` follows from.
     decided
         The last step of the online loop; ``None`` before the first navigation.
     vehicle
@@ -47,10 +47,15 @@ class PilotCommand:
     time: float
     thrust: Array | None
     range_known: bool
-    health: PilotHealth
+    state: PilotState
     decided: Decided | None
     vehicle: Vehicle
     lead: float
+
+    @cached_property
+    def health(self) -> PilotHealth:
+        """How the pilot is at :attr:`time`."""
+        return self.state.health()
 
     @property
     def plan(self) -> Plan | ShootingPlan | None:

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from operator import mul, sub
+from typing import Any, NamedTuple
 
 from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.pilot.own_track import Received
@@ -80,6 +81,66 @@ class PilotHealth:
     def ok(self) -> bool:
         """Whether there are no notes."""
         return not self.notes
+
+
+class PilotState(NamedTuple):
+    """What the health at a time follows from. It is asked for less often than commands are, and built when it is.
+
+    Attributes
+    ----------
+    time
+        Of the command, in seconds.
+    navigated, heard
+        Times in seconds of the last navigation and of the last measurement that the tracker took; minus infinity
+        before.
+    navigation_gap
+        Age in seconds above which a navigation is old.
+    decided, held
+        Whether the online loop has taken a step, and whether its forecast was not finite.
+    said
+        What the last plan says, by the name of the attribute of the health.
+    track_lost, waiting, received, new_tracks
+        As in the health.
+    stepped_back
+        Whether the command was asked for at a time before this one.
+    """
+
+    time: float
+    navigated: float
+    heard: float
+    navigation_gap: float
+    decided: bool
+    held: bool
+    said: Mapping[str, Any]
+    track_lost: bool
+    waiting: int
+    received: Mapping[Received, int]
+    new_tracks: int
+    stepped_back: bool = False
+
+    def health(self) -> PilotHealth:
+        """The health that follows."""
+        age, said = max(0.0, self.time - self.navigated), self.said
+        found = {
+            "time stepped back": self.stepped_back,
+            "no navigation": not self.decided,
+            "navigation old": math.inf > age > self.navigation_gap,
+            "no bearing": self.heard == -math.inf,
+            "track lost": self.track_lost,
+            "forecast held": self.held,
+            "fallback": bool(said and said["fallback"]),
+            "given up": bool(said and said["given_up"]),
+        }
+        return PilotHealth(
+            notes=tuple(note for note, holds in found.items() if holds),
+            bearing_age=self.time - self.heard,
+            navigation_age=age,
+            track_lost=self.track_lost,
+            waiting=self.waiting,
+            received=self.received,
+            new_tracks=self.new_tracks,
+            **said,
+        )
 
 
 class TrackWatch:

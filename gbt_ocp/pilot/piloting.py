@@ -6,6 +6,7 @@ import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from gbt_ocp.pilot.late_measurements import OrderedIntake
 from gbt_ocp.pilot.online_loop import Decided, OnlineLoop
 from gbt_ocp.pilot.own_track import OwnState, OwnTrack, Received, checked_numbers, earth_rates
 from gbt_ocp.pilot.pilot_command import PilotCommand
-from gbt_ocp.pilot.pilot_health import PilotHealth, TrackWatch
+from gbt_ocp.pilot.pilot_health import PilotState, TrackWatch
 from gbt_ocp.pilot.pilot_parts import PilotParts
 from gbt_ocp.pilot.plan_follower import ON_PLAN, PlanFollower
 from gbt_ocp.pilot.shot_follower import ShotFollower
@@ -65,6 +66,7 @@ class Piloting:
             self._shot_follower = ShotFollower(vehicle, parts.follow_bandwidth, parts.input_rate)
         self._joined = 2 if planner is None else planner.problem.joined
         self._dimension = vehicle.position_dimension
+        self._still = np.zeros(self._dimension)
         self._flat_size: int = vehicle.flat_dimension
         self._size = max(vehicle.flat_dimension if isinstance(vehicle, DrivenBody) else 0, self._dimension + 1)
         self._own = OwnTrack(parts.late, parts.navigation_gap, self._dimension)
@@ -106,12 +108,13 @@ class Piloting:
         variance = 0.0
         if covariance is not None:
             variance = float(checked_numbers("covariance", covariance, (size, size))[self._dimension, self._dimension])
-        together = sum(map(abs, p.tolist())) + sum(map(abs, v.tolist()))
+        numbers, rates = p.tolist(), v.tolist()
+        together = sum(map(abs, numbers)) + sum(map(abs, rates))
         if not (together <= LARGEST and math.isfinite(time + variance) and variance >= 0.0):
             return self._answered("not finite")
         if self.began_at is None:
             self.begin(p[: self._dimension])
-        state = OwnState(float(time), p, earth_rates(p, v, self._dimension), math.sqrt(variance))
+        state = OwnState(float(time), p, earth_rates(numbers, rates, self._dimension), math.sqrt(variance))
         return self._answered(self._own.add(state, self._now))
 
     def measure(self, measurement: Measurement) -> Received:
@@ -165,12 +168,11 @@ class Piloting:
         if last is not None and t <= last.time:
             if t == last.time:
                 return last
-            notes = tuple(dict.fromkeys(["time stepped back", *last.health.notes]))
-            return replace(last, health=replace(last.health, notes=notes))
+            return replace(last, state=last.state._replace(stepped_back=True))
         carried = self._carried_on(t)
         if carried is None or self._intake is None:
             nothing = np.zeros(len(self.parts.vehicle.thrust_max))
-            return PilotCommand(t, nothing, False, self._health(t), None, self.parts.vehicle, self._lead)
+            return PilotCommand(t, nothing, False, self._state(t), None, self.parts.vehicle, self._lead)
         self._settle(t, self._intake)
         period = self.parts.period
         hold = period if last is None else min(t - last.time, period)
@@ -185,7 +187,7 @@ class Piloting:
             self._thrusts.append((t, thrust))
         self._now = t
         self._last = PilotCommand(
-            t, thrust, self._watch.range_known, self._health(t), decided, self.parts.vehicle, self._lead
+            t, thrust, self._watch.range_known, self._state(t), decided, self.parts.vehicle, self._lead
         )
         return self._last
 
@@ -243,8 +245,10 @@ class Piloting:
         if latest is not None and decided is not None and isinstance(decided.decision, Plan):
             since = latest.time - decided.time + decided.decision.elapsed
             if latest.time < time <= latest.time + self.parts.navigation_gap and since >= 0.0:
-                step = decided.decision.trajectory.step(since, since + time - latest.time)
-                return latest.pose[:n] + step[0], latest.rates[:n] + step[1]
+                on, faster = decided.decision.trajectory.step(since, since + time - latest.time)
+                # of as many numbers as the plan has
+                z, dz = map(add, latest.pose.tolist(), on), map(add, latest.rates.tolist(), faster)
+                return np.array(list(z)), np.array(list(dz))
         own = self._own.at(time, bridging=True)
         return None if own is None else (own.pose[:n], own.rates[:n])
 
@@ -282,38 +286,24 @@ class Piloting:
         assert self._follower is not None, "plans of this kind are of flat vehicles"
         if self._through is None:
             self._through = decision.through_water
-        water = np.zeros(self._dimension) if decision.current is None else decision.current
+        water = self._still if decision.current is None else decision.current
         now = decision.elapsed + since
         return self._follower.thrust(self._through, now, now + 0.5 * hold, water, z, dz, passed)
 
-    def _health(self, time: float) -> PilotHealth:
-        latest, decided, said = self._own.latest, self._decided, self._said
-        heard = -math.inf if self._intake is None else self._intake.latest
-        age = math.inf if latest is None else max(0.0, time - latest.time)
-        lost = self._watch.lost
-        # asked for at every command, so that what holds is appended rather than chosen from a table
-        notes = ["no navigation"] if decided is None else []
-        if math.inf > age > self.parts.navigation_gap:
-            notes.append("navigation old")
-        if heard == -math.inf:
-            notes.append("no bearing")
-        if lost:
-            notes.append("track lost")
-        if decided is not None and decided.held:
-            notes.append("forecast held")
-        if said and said["fallback"]:
-            notes.append("fallback")
-        if said and said["given_up"]:
-            notes.append("given up")
-        return PilotHealth(
-            notes=tuple(notes),
-            bearing_age=time - heard,
-            navigation_age=age,
-            track_lost=lost,
-            waiting=len(self._waiting),
-            received=self._received,
-            new_tracks=len(self._online.begun),
-            **said,
+    def _state(self, time: float) -> PilotState:
+        latest, decided = self._own.latest, self._decided
+        return PilotState(
+            time,
+            -math.inf if latest is None else latest.time,
+            -math.inf if self._intake is None else self._intake.latest,
+            self.parts.navigation_gap,
+            decided is not None,
+            decided is not None and decided.held,
+            self._said,
+            self._watch.lost,
+            len(self._waiting),
+            self._received,
+            len(self._online.begun),
         )
 
 
