@@ -163,7 +163,7 @@ def test_a_good_window_keeps_its_nugget():
 def test_the_nugget_is_raised_by_tens_and_never_beyond_its_largest(monkeypatch):
     tried = []
 
-    def refuse(kernel, theta, measurements, centre):
+    def refuse(kernel, theta, measurements, centre, rounding):
         tried.append(theta.nugget)
         raise NotPositiveDefiniteError
 
@@ -176,7 +176,7 @@ def test_the_nugget_is_raised_by_tens_and_never_beyond_its_largest(monkeypatch):
 def test_a_nugget_of_zero_is_raised_too(monkeypatch):
     tried = []
 
-    def refuse(kernel, theta, measurements, centre):
+    def refuse(kernel, theta, measurements, centre, rounding):
         tried.append(theta.nugget)
         assert len(tried) < 50, "the retry does not end"
         raise NotPositiveDefiniteError

@@ -89,12 +89,11 @@ static void rows_of(const gbt_gp *process, gbt_gp_rows *rows)
 
 /* The factor of the covariance of the rows, with the nugget multiplied by ten as often as that needs; 0 if no nugget
    helps. */
-static int conditioned(const gbt_gp *process, const gbt_gp_settings *settings, gbt_gp_posterior *of)
+static int factored(const gbt_gp *process, gbt_gp_posterior *of)
 {
-    of->nugget = GBT_TUNED_NUGGET ? gbt_exp(process->log_theta[GBT_TUNABLE - 1]) : settings->tuning.nugget;
-    for (of->raised = 0;; of->raised++) {
-        gbt_gp_covariance(&of->rows, process->log_theta, of->nugget, of->factor, 0);
-        if (gbt_factor(of->factor, of->rows.rows)) return 1;
+    for (;; of->raised++) {
+        gbt_gp_covariance(&of->rows, process->log_theta, of->nugget, of->by.factor.lower, 0);
+        if (gbt_factor(of->by.factor.lower, of->rows.rows)) return 1;
         if (!(of->nugget < LARGEST_NUGGET)) return 0;
         of->nugget = gbt_fmin(10 * gbt_fmax(of->nugget, SMALLEST_NUGGET), LARGEST_NUGGET);
     }
@@ -104,8 +103,15 @@ static void condition(const gbt_gp *process, const gbt_gp_settings *settings, gb
 {
     rows_of(process, &of->rows);
     of->variance = gbt_exp(2 * process->log_theta[GBT_SHAPES]);
-    of->sound = conditioned(process, settings, of);
-    gbt_gp_whiten(&of->rows, of->factor, of->values);
+    of->nugget = GBT_TUNED_NUGGET ? gbt_exp(process->log_theta[GBT_TUNABLE - 1]) : settings->tuning.nugget;
+    of->raised = of->rooted = 0;
+#if GBT_ROOTED
+    of->rooted = of->sound = gbt_gp_root_condition(&of->by.root, &of->rows, process->log_theta,
+                                                   gbt_exp(settings->tuning.low[GBT_TUNABLE - 1]));
+#endif
+    if (of->rooted) return;
+    of->sound = factored(process, of);
+    gbt_gp_whiten(&of->rows, of->by.factor.lower, of->by.factor.values);
 }
 
 /* The mean and the covariance at a time. */
@@ -113,13 +119,20 @@ static void predict(const gbt_gp *process, const gbt_gp_posterior *of, double ti
 {
     gbt_wide cross[D][R];
     const int n = of->rows.rows;
+#if GBT_ROOTED
+    if (of->rooted) {
+        gbt_gp_root_predict(&of->by.root, time - of->rows.zero, mean, covariance);
+        for (int a = 0; a < D; a++) mean[a] += process->centre[a];
+        return;
+    }
+#endif
     const gbt_gp_shape shape = gbt_gp_shape_of(process->log_theta);
     const gbt_wide now = gbt_widen_double(time - of->rows.zero);
     for (int i = 0; i < n; i++) {
         const gbt_wide lag = gbt_plus(of->rows.time[i], gbt_negative(now));
         const gbt_wide k = gbt_times(gbt_widen(of->variance), gbt_gp_kernel(lag, &shape, 0));
         for (int a = 0; a < D; a++) {
-            const gbt_wide *row = of->factor + ROW(i);
+            const gbt_wide *row = of->by.factor.lower + ROW(i);
             gbt_wide rest = gbt_times(k, gbt_widen(of->rows.direction[i][a]));
             for (int j = 0; j < i; j++) rest = gbt_gather_less(rest, row[j], cross[a][j]);
             cross[a][i] = gbt_times(gbt_gathered(rest), row[i]);
@@ -127,7 +140,7 @@ static void predict(const gbt_gp *process, const gbt_gp_posterior *of, double ti
     }
     for (int a = 0; a < D; a++) {
         gbt_wide sum = gbt_widen(process->centre[a]);
-        for (int i = 0; i < n; i++) sum = gbt_gather(sum, cross[a][i], of->values[i]);
+        for (int i = 0; i < n; i++) sum = gbt_gather(sum, cross[a][i], of->by.factor.values[i]);
         mean[a] = of->sound ? gbt_narrow(gbt_gathered(sum)) : (gbt_real)NAN;
         for (int b = 0; b <= a; b++) {
             gbt_wide rest = gbt_widen(a == b ? of->variance : 0);

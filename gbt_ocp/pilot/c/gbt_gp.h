@@ -9,6 +9,7 @@
 #include "gbt_breaks.h"
 #include "gbt_gaps.h"
 #include "gbt_gp_likelihood.h"
+#include "gbt_gp_root.h"
 
 GBT_BEGIN_C
 
@@ -40,13 +41,21 @@ typedef struct {
     gbt_real log_theta[GBT_TUNABLE];
 } gbt_gp;
 
-/* A posterior: the rows, the factor of their covariance as gbt_factor leaves it, L^-1 times their values, and the prior
-   variance. */
+/* A posterior: the rows and the prior variance, and the factor of their covariance as gbt_factor leaves it with L^-1 times
+   their values, or the root of the process. */
 typedef struct {
     gbt_gp_rows rows;
     int sound, raised; /* whether there is one; how often the nugget was multiplied by ten for it */
+    int rooted;
     gbt_real nugget, variance;
-    gbt_wide factor[GBT_PACKED], values[GBT_ROWS_OF_WINDOW];
+    union {
+        struct {
+            gbt_wide lower[GBT_PACKED], values[GBT_ROWS_OF_WINDOW];
+        } factor;
+#if GBT_ROOTED
+        gbt_gp_root root;
+#endif
+    } by;
 } gbt_gp_posterior;
 
 /* What predicting and tuning work on. It keeps nothing from one call to the next. */

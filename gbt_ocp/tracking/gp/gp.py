@@ -80,7 +80,8 @@ class GaussianProcessTracker(WindowedTracker[Posterior]):
         self._tuning.tune(measurements, self._centre)
 
     def _conditioned(self, measurements: Measurements) -> tuple[Posterior, int]:
-        return condition(self._kernel, self._tuning.hyperparameters, measurements, self._centre)
+        theta, rounding = self._tuning.hyperparameters, self._tuning.rounding
+        return condition(self._kernel, theta, measurements, self._centre, rounding)
 
     @property
     def hyperparameters(self) -> Hyperparameters:

@@ -130,7 +130,7 @@ class CoregionalizedTracker(WindowedTracker[CoregionalizedPosterior]):
         theta = self._theta
         return with_raised_nugget(
             lambda nugget: CoregionalizedPosterior(
-                self._kernels, replace(theta, nugget=nugget), measurements, self._centre
+                self._kernels, replace(theta, nugget=nugget), measurements, self._centre, self._isotropic.rounding
             ),
             theta.nugget,
         )

@@ -1,4 +1,7 @@
-"""Posterior of a Gaussian process observed through linear measurements (``eq14`` to ``eq17``), by Cholesky."""
+"""Posterior of a Gaussian process observed through linear measurements (``eq14`` to ``eq17``).
+
+By Cholesky; of the squared exponential with a nugget that is tuned, by a :mod:`~gbt_ocp.tracking.gp.root`.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,8 @@ from typing import TypeVar
 import numpy as np
 from scipy.linalg import lapack
 
-from gbt_ocp.tracking.gp.kernels import Kernel
+from gbt_ocp.tracking.gp.kernels import Kernel, SquaredExponential
+from gbt_ocp.tracking.gp.root import Root, count_for, nuggets_near
 from gbt_ocp.tracking.linalg import NotPositiveDefiniteError, cholesky
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import Measurements
@@ -63,6 +67,8 @@ class Conditional:
         Prior covariance of the rows of the measurements ``(R, R)`` in m².
     noise
         Variance of each row on top of its own, in m².
+    root
+        Of the process, conditioned already: it answers in the place of the factor.
 
     Raises
     ------
@@ -70,10 +76,15 @@ class Conditional:
         If Ω_yy has no Cholesky factor; see :func:`with_raised_nugget`.
     """
 
-    def __init__(self, measurements: Measurements, centre: Array, process: Array, noise: float) -> None:
+    def __init__(
+        self, measurements: Measurements, centre: Array, process: Array, noise: float, root: Root | None = None
+    ) -> None:
         self._data = measurements
         self.noise = noise
         self._centre = centre
+        self._root = root
+        if root is not None:
+            return
         omega = process
         omega[np.diag_indices_from(omega)] += noise + measurements.variances
         # LAPACK wants at least one row; one that no direction enters leaves the prior as it is
@@ -98,6 +109,8 @@ class Conditional:
 
     def joint_covariance(self, times: Array) -> Array:
         """Posterior covariance of the positions at the times with each other ``(K, d, K, d)`` in m²."""
+        if self._root is not None:
+            return self._root.joint_covariance(times)
         cross = self._cross(times)
         rows, count, dimension = cross.shape
         solved = lapack.dtrtrs(self._factor, cross.reshape(rows, -1), lower=1)[0]
@@ -106,6 +119,8 @@ class Conditional:
 
     def predict(self, times: Array) -> Forecast:
         """μ ``(K, d)`` and Σ ``(K, d, d)`` at the times ``(K,)`` (``eq16``, ``eq17``)."""
+        if self._root is not None:
+            return self._root.predict(times)
         cross = self._cross(times)
         rows, count, dimension = cross.shape
         mean = self._centre + np.tensordot(self._weights, cross, axes=1)
@@ -125,6 +140,8 @@ class Posterior(Conditional):
         What was measured.
     centre
         Prior mean ``(d,)``.
+    rounding
+        The part of the nugget that stands for the rounding of Ω_yy, which the root of a process does not have.
 
     Raises
     ------
@@ -133,14 +150,28 @@ class Posterior(Conditional):
     """
 
     def __init__(
-        self, kernel: Kernel, hyperparameters: Hyperparameters, measurements: Measurements, centre: Array
+        self,
+        kernel: Kernel,
+        hyperparameters: Hyperparameters,
+        measurements: Measurements,
+        centre: Array,
+        rounding: float = 0.0,
     ) -> None:
         self._kernel = kernel
         self._theta = hyperparameters
         self._variance = np.exp(2.0 * hyperparameters.log_amplitude)
         t, h = measurements.times, measurements.directions
+        noise = self._variance * hyperparameters.nugget
+        scale = hyperparameters.length_scale
+        is_rooted = rounding > 0.0 and isinstance(kernel, SquaredExponential)
+        if is_rooted and count_for(t, scale, len(centre)) is not None:
+            weights = np.eye(len(centre)) * hyperparameters.amplitude
+            nuggets = nuggets_near(hyperparameters.nugget, rounding)
+            root = Root(measurements, centre, np.full(len(centre), scale), weights, self._variance, nuggets)
+            super().__init__(measurements, centre, np.zeros((0, 0)), noise, root)
+            return
         process = self._variance * (kernel(t[:, None] - t[None, :], hyperparameters.log_kernel) * (h @ h.T))
-        super().__init__(measurements, centre, process, self._variance * hyperparameters.nugget)
+        super().__init__(measurements, centre, process, noise)
 
     @property
     def hyperparameters(self) -> Hyperparameters:
@@ -165,16 +196,22 @@ AnyPosterior = TypeVar("AnyPosterior", bound=Conditional)
 
 
 def condition(
-    kernel: Kernel, hyperparameters: Hyperparameters, measurements: Measurements, centre: Array
+    kernel: Kernel,
+    hyperparameters: Hyperparameters,
+    measurements: Measurements,
+    centre: Array,
+    rounding: float = 0.0,
 ) -> tuple[Posterior, int]:
     """The posterior, with the nugget multiplied by ten as often as the Cholesky factorisation needs.
+
+    ``rounding`` is as of :class:`Posterior`.
 
     Returns
     -------
     The posterior, and how often the nugget had to be raised.
     """
     return with_raised_nugget(
-        lambda nugget: Posterior(kernel, replace(hyperparameters, nugget=nugget), measurements, centre),
+        lambda nugget: Posterior(kernel, replace(hyperparameters, nugget=nugget), measurements, centre, rounding),
         hyperparameters.nugget,
     )
 

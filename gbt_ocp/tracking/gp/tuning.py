@@ -127,6 +127,11 @@ class IsotropicTuning:
         return self._bounds, self._priors, self._log_theta, self._smooth, self._nugget
 
     @property
+    def rounding(self) -> float:
+        """The part of a tuned nugget that stands for the rounding of a covariance; 0 of one that is given."""
+        return NUGGET_BOUNDS[0] if self._nugget is None else 0.0
+
+    @property
     def suspect(self) -> float:
         """Logarithm of the length scale in s below which it is suspected of telling noise."""
         return float(SHORT + np.log(LENGTH_SCALE_PRIOR.median))
