@@ -52,6 +52,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         remark("interrupted: nothing was written")
         return INTERRUPTED
+    except OSError as fault:
+        # of a renaming the second name is what was to be written
+        where = fault.filename2 or fault.filename
+        if where is None:
+            remark(traceback.format_exc().rstrip())
+            return PROGRAM_FAULT
+        remark(f"{where}: found what cannot be read or written ({fault.strerror}); allowed: a file that can")
+        return WRONG_INPUT
     except Exception:
         remark(traceback.format_exc().rstrip())
         return PROGRAM_FAULT

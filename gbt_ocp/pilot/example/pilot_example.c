@@ -1,8 +1,8 @@
 /* Replays a closed loop of the pilot in Python: the same calls, and the answers and commands compared.
 
    Where two plans are about equally good, the last bit decides between them. So the pilot goes on from Python's plan after
-   each command, commands that hang on rounding are not compared, and others as closely as rounding allows. In single precision the difference is printed and
-   is no fault. */
+   each command, commands that hang on rounding are not compared, and others as closely as rounding allows. In single
+   precision the difference is printed and is no fault. */
 #include <math.h>
 #include <stdio.h>
 
@@ -53,7 +53,8 @@ int main(void)
             commands++;
 #if GBT_CURRENT == 2
             /* the vehicle had Python's thrust */
-            memcpy(pilot.current.command[pilot.current.commands - 1].thrust, numbers, sizeof command.thrust);
+            for (int i = 0; i < GBT_INPUTS; i++)
+                pilot.current.command[pilot.current.commands - 1].thrust[i] = numbers[i];
 #endif
             answer = pilot_calls[k].answer;
             if (pilot_calls[k].plan > 0) {
