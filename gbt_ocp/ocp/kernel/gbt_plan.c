@@ -111,9 +111,9 @@ static int mends(const gbt_planner *planner, const gbt_real *state, const gbt_re
    nodes, these limits are tightened, each by what it was broken, and the problem is solved again. Thrust must be kept in
    the end. Where a round has gained little of it, the solution that breaks it least is mended, or else this one, if that
    keeps all limits: to ask for more would move what has nothing to do with it. Where neither leads to it, nor to an
-   iterate that keeps all limits, the one that breaks it least is mended. Another limit is tightened as long as that helps, and not where it has been
-   given up already. Returns GBT_SOLVED if plan->top may be executed, and leaves the last iterate there at
-   GBT_ITERATION_LIMIT. */
+   iterate that keeps all limits, the one that breaks it least is mended. Another limit is tightened as long as that
+   helps, and not where it has been given up already. Returns GBT_SOLVED if plan->top may be executed, and leaves the
+   last iterate there at GBT_ITERATION_LIMIT. */
 static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt_real *parameters, int warm,
                           int iterations, gbt_plan_result *plan)
 {
