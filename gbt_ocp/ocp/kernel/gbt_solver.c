@@ -18,7 +18,11 @@
 #define REACH ((gbt_real)20)  /* decrease that Newton's step may promise from a warm guess, for each side in units of mu */
 #define AT_LIMIT ((gbt_real)0.05) /* of a thrust limit, within which a guess counts as at it */
 #define SHARE ((gbt_real)0.97)    /* of the thrust there is: between the nodes it may bulge */
-#define MIXED (GBT_INPUTS < 4 ? GBT_INPUTS : 4) /* inputs whose every combination is tried */
+#if GBT_INPUTS < 4
+#define MIXED GBT_INPUTS /* inputs whose every combination is tried */
+#else
+#define MIXED 4
+#endif
 #define BROKEN ((gbt_real)0.1) /* of a hard limit where a plan begins, in its units: more than a follower is off */
 
 /* Whether inputs alone may bound a trajectory. */
