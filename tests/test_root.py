@@ -10,7 +10,7 @@ from gbt_ocp.models.bearings import unit_bearing
 from gbt_ocp.tracking.gp.coregionalization import CoregionalizedHyperparameters, CoregionalizedPosterior
 from gbt_ocp.tracking.gp.kernels import KERNELS
 from gbt_ocp.tracking.gp.posterior import Hyperparameters, Posterior, condition
-from gbt_ocp.tracking.gp.root import MOST, NUGGETS, count_for, functions
+from gbt_ocp.tracking.gp.root import MOST_FUNCTIONS, NUGGETS, count_for, functions
 from gbt_ocp.tracking.window import Measurements, Window
 
 SE = KERNELS["se"]
@@ -39,9 +39,9 @@ def test_as_many_functions_as_are_needed_give_the_kernel(reach):
 def test_a_window_of_too_many_length_scales_or_rows_has_no_root():
     assert count_for(np.zeros(3), 1.0, 3) == 1
     assert count_for(np.zeros(7), 1.0, 3) == 3  # as many coefficients as rows
-    assert count_for(np.array([0.0, 3.0]), 1.0, 2) <= MOST
+    assert count_for(np.array([0.0, 3.0]), 1.0, 2) <= MOST_FUNCTIONS
     assert count_for(np.array([0.0, 12.0]), 1.0, 2) is None
-    assert count_for(np.zeros(2 * MOST + 1), 1.0, 2) is None
+    assert count_for(np.zeros(2 * MOST_FUNCTIONS + 1), 1.0, 2) is None
     assert count_for(np.zeros(0), 1.0, 2) is None
 
 

@@ -41,7 +41,7 @@ def test_a_new_target(tmp_path):
     times = np.linspace(0.0, 60.0, 6001)
     velocity = np.diff(survey.position(times), axis=0) / np.diff(times)[:, None]
     np.testing.assert_allclose(np.linalg.norm(velocity, axis=1), survey.speed, rtol=1e-3)  # no jumps
-    assert result_of("new_target", tmp_path).summary["error_settled"] == pytest.approx(0.027, abs=0.01)
+    assert result_of("new_target", tmp_path).summary["error_settled"] == pytest.approx(0.016, abs=0.01)
 
 
 def test_a_new_vehicle(tmp_path):

@@ -96,12 +96,13 @@ static int serves(const gbt_planner *planner, const gbt_real *state, const gbt_r
     return gbt_beats_braking(state, &plan->top[0][0], parameters);
 }
 
-/* Whether the first piece of plan->top can be brought within the thrust and serves then; it is left there if so. */
-static int mends(const gbt_planner *planner, const gbt_real *state, const gbt_real *parameters, gbt_plan_result *plan,
-                 int thrust_only)
+/* Whether the first piece of a plan can be brought within the thrust and serves then; it is plan->top if so. */
+static int mends(const gbt_planner *planner, const gbt_real *state, const gbt_real *parameters, const gbt_real *from,
+                 int thrust_only, gbt_plan_result *plan)
 {
     gbt_real found[N];
     keep(&plan->top[0][0], found);
+    keep(from, &plan->top[0][0]);
     if (gbt_mend(state, &plan->top[0][0]) && serves(planner, state, parameters, plan, thrust_only)) return 1;
     keep(found, &plan->top[0][0]);
     return 0;
@@ -160,14 +161,9 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
             least = over;
             keep(&plan->top[0][0], best);
         }
-        if (stuck) {
-            gbt_real found[N];
-            keep(&plan->top[0][0], found);
-            keep(best, &plan->top[0][0]);
-            if (mends(planner, state, parameters, plan, 0)) return GBT_SOLVED;
-            keep(found, &plan->top[0][0]);
-            if (mends(planner, state, parameters, plan, 0)) return GBT_SOLVED;
-        }
+        if (stuck && (mends(planner, state, parameters, best, 0, plan) ||
+                      mends(planner, state, parameters, &plan->top[0][0], 0, plan)))
+            return GBT_SOLVED;
         if (!again || tightened == GBT_TIGHTENINGS) break;
         plan->tightened++;
         warm = GBT_AGAIN;
@@ -175,7 +171,7 @@ static gbt_status attempt(gbt_planner *planner, const gbt_real *state, const gbt
     if (least == GBT_INFINITY) return status;
     if (least > 0 && status == GBT_ITERATION_LIMIT && serves(planner, state, parameters, plan, 0)) return status;
     keep(best, &plan->top[0][0]);
-    if (least <= 0 || mends(planner, state, parameters, plan, 1)) return GBT_SOLVED;
+    if (least <= 0 || mends(planner, state, parameters, best, 1, plan)) return GBT_SOLVED;
     for (int k = 0; k < N; k++) plan->top[k / GBT_FREE][k % GBT_FREE] = u[k] * gbt_input_scale[k % GBT_FREE];
     return status;
 }
@@ -203,24 +199,6 @@ static void judge(const gbt_planner *planner, const gbt_real *state, const gbt_r
         plan->given_up[q] = gave && gbt_limits[q].kind != GBT_THRUST ? worst : 0;
         if (plan->given_up[q] > 0 && plan->status == GBT_SOLVED) plan->status = GBT_GIVEN_UP;
     }
-}
-
-/* All else that follows from plan->top. */
-static void complete(const gbt_real *state, const gbt_real *parameters, gbt_plan_result *plan)
-{
-    gbt_piece piece;
-    gbt_real total[GBT_TERMS];
-    for (int k = 0; k < GBT_TERMS; k++) total[k] = 0;
-    for (int a = 0; a < GBT_STATE; a++) *gbt_inherited(piece, a) = state[a];
-    for (int i = 0; i < GBT_PIECES; i++) {
-        for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = plan->top[i][a];
-        for (int k = 0; k < GBT_PROFILE; k++)
-            gbt_inputs_after(piece, (gbt_real)k / (GBT_PROFILE - 1), plan->thrust[i][k]);
-        gbt_add_terms(piece, parameters + i * GBT_END_NUMBERS, total);
-        gbt_end_of(piece, plan->endpoints[i], plan->rates[i]);
-        gbt_next_piece(piece, piece);
-    }
-    plan->objective = gbt_gain(total);
 }
 
 /* A step from a start that is relative to the origin of the numbers. */
@@ -265,14 +243,14 @@ static void plan_from(gbt_planner *planner, const double *origin, const gbt_real
     }
     if (found != GBT_SOLVED && some) {
         keep(unfinished, &plan->top[0][0]);
-        if (serves(planner, state, parameters, plan, 1) || mends(planner, state, parameters, plan, 1)) {
+        if (serves(planner, state, parameters, plan, 1) || mends(planner, state, parameters, unfinished, 1, plan)) {
             plan->origin = GBT_UNFINISHED;
             found = GBT_SOLVED;
         }
     }
     if (found != GBT_SOLVED && planner->warm) {
         resume(planner, origin, state, &plan->top[0][0]);
-        if (mends(planner, state, parameters, plan, 1)) {
+        if (mends(planner, state, parameters, &plan->top[0][0], 1, plan)) {
             plan->origin = GBT_SHIFTED;
             found = GBT_SOLVED;
         }
@@ -283,7 +261,7 @@ static void plan_from(gbt_planner *planner, const double *origin, const gbt_real
     }
 
     judge(planner, state, moving, plan);
-    complete(state, parameters, plan);
+    gbt_complete(state, parameters, plan);
 }
 
 static int is_finite(const gbt_plan_result *plan)

@@ -38,3 +38,20 @@ int gbt_beats_braking(const gbt_real *start, const gbt_real *top, const gbt_real
     if (!isfinite(gain_of_braking)) return 1;
     return broken <= broken_by_braking + UNIT && !(broken >= broken_by_braking && gain < gain_of_braking);
 }
+
+void gbt_complete(const gbt_real *state, const gbt_real *parameters, gbt_plan_result *plan)
+{
+    gbt_piece piece;
+    gbt_real total[GBT_TERMS];
+    for (int k = 0; k < GBT_TERMS; k++) total[k] = 0;
+    for (int a = 0; a < GBT_STATE; a++) *gbt_inherited(piece, a) = state[a];
+    for (int i = 0; i < GBT_PIECES; i++) {
+        for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = plan->top[i][a];
+        for (int k = 0; k < GBT_PROFILE; k++)
+            gbt_inputs_after(piece, (gbt_real)k / (GBT_PROFILE - 1), plan->thrust[i][k]);
+        gbt_add_terms(piece, parameters + i * GBT_END_NUMBERS, total);
+        gbt_end_of(piece, plan->endpoints[i], plan->rates[i]);
+        gbt_next_piece(piece, piece);
+    }
+    plan->objective = gbt_gain(total);
+}

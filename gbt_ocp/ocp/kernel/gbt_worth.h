@@ -1,8 +1,9 @@
-/* What a plan is worth that no solver finished, beside braking. */
+/* What a plan is worth, and what follows from it: beside braking of one that no solver finished, and all else of one that is
+   followed. */
 #ifndef GBT_WORTH_H
 #define GBT_WORTH_H
 
-#include "gbt_solver.h"
+#include "gbt_plan.h"
 
 GBT_BEGIN_C
 
@@ -14,6 +15,9 @@ GBT_BEGIN_C
    top          what is free in its pieces, GBT_PIECES x GBT_FREE, not scaled
    parameters   as of gbt_solve */
 int gbt_beats_braking(const gbt_real *start, const gbt_real *top, const gbt_real *parameters);
+
+/* Endpoints, rates, inputs and objective of plan->top from a state. */
+void gbt_complete(const gbt_real *state, const gbt_real *parameters, gbt_plan_result *plan);
 
 GBT_END_C
 

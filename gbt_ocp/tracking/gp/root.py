@@ -30,16 +30,16 @@ from gbt_ocp.typing import Array
 NUGGETS = (1e-22, 1e-20, 1e-18, 1e-16)
 """Variances of a measurement relative to the amplitude squared that only a root tells apart, the least first."""
 
-NUGGET_PRIOR = LogNormal(1.0e-22, 4.0)
+EXACT_PRIOR = LogNormal(1.0e-22, 4.0)
 """Bearings that a covariance cannot tell from exact ones are exact, unless the likelihood says otherwise."""
 
-MOST = 48
+MOST_FUNCTIONS = 48
 """Functions of a root at most: enough for windows of five length scales, of which covariances are conditioned well."""
 
 TAIL = 1.0e-30
 """Share of the variance in a window that is left to further functions."""
 
-ROUNDING = 1.0e-13
+SUM_ROUNDING = 1.0e-13
 """Share of the variance that counts as rounding of a sum of squares near 1."""
 
 
@@ -65,7 +65,7 @@ def count_for(times: Array, length_scale: float, dimension: int) -> int | None:
     if not len(times):
         return None
     reach, left = 0.5 * float(times.max() - times.min()) / length_scale, 1.0
-    for count in range(1, MOST + 1):
+    for count in range(1, MOST_FUNCTIONS + 1):
         left *= reach**2 / count
         if left <= TAIL and count * dimension >= len(times):
             return count
@@ -135,7 +135,7 @@ class Root:
             reflections = _Reflections(np.concatenate([self._process.upper, diagonal]))
             whitened = lapack.dtrtrs(reflections.upper, values, trans=1)[0]
             spread = float(np.sum(np.log(np.abs(reflections.upper.diagonal()))))
-            likelihood = NUGGET_PRIOR(math.log(nugget))[0] - 0.5 * float(whitened @ whitened) - spread
+            likelihood = EXACT_PRIOR(math.log(nugget))[0] - 0.5 * float(whitened @ whitened) - spread
             # the first one too where nothing is a number
             if not likelihood <= likeliest:
                 likeliest, self._noise, solution = likelihood, reflections, whitened
@@ -157,7 +157,7 @@ class Root:
 
     def _tail(self, x: Array) -> Array:
         """Share of the variance that further functions have, at times over the length scale: it counts far ahead."""
-        left = 1.0 - np.sum(functions(x, self._count) ** 2, axis=1) - ROUNDING
+        left = 1.0 - np.sum(functions(x, self._count) ** 2, axis=1) - SUM_ROUNDING
         return np.asarray(np.maximum(left, 0.0))
 
     def joint_covariance(self, times: Array) -> Array:
@@ -174,7 +174,7 @@ class Root:
             x = (times - self._middle) / scale
             known = functions(x, self._count)
             rest = squared_exponential(x[:, None] - x[None, :]) - known @ known.T
-            found += np.einsum("a,ij,b->iajb", weight, np.where(np.abs(rest) > ROUNDING, rest, 0.0), weight)
+            found += np.einsum("a,ij,b->iajb", weight, np.where(np.abs(rest) > SUM_ROUNDING, rest, 0.0), weight)
         return found
 
     def predict(self, times: Array) -> Forecast:
