@@ -39,7 +39,7 @@ def is_sound(recording):
 @pytest.mark.parametrize("kind", SOLVER_FAULTS)
 @pytest.mark.long
 def test_a_solver_that_fails_for_twenty_steps_is_answered_and_named(kind):
-    recording = run(solver=(kind, set(range(8, 28))))
+    recording = run(solver=(kind, set(range(8, 28))), seconds=4.0)
     assert is_sound(recording)
     arrays = recording.arrays
     failed = arrays["solver_status"] != "solved"
