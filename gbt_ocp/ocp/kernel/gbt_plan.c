@@ -261,7 +261,7 @@ static void plan_from(gbt_planner *planner, const double *origin, const gbt_real
     }
 
     judge(planner, state, moving, plan);
-    gbt_complete(state, parameters, plan);
+    gbt_fill_plan(state, parameters, plan);
 }
 
 static int is_finite(const gbt_plan_result *plan)

@@ -91,7 +91,7 @@ static gbt_status feedback(gbt_planner *planner, const gbt_real *start, gbt_plan
     plan->tightened = 0;
     gbt_broken_at_start(start, moving, plan->broken_at_start);
     judge(planner, start, moving, plan);
-    complete(start, planner->numbers, plan);
+    gbt_fill_plan(start, planner->numbers, plan);
     if (!is_finite(plan)) return refuse(plan);
     double origin[GBT_DIMENSION];
     for (int j = 0; j < GBT_DIMENSION; j++) origin[j] = planner->place[j];

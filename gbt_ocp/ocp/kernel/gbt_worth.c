@@ -39,7 +39,7 @@ int gbt_beats_braking(const gbt_real *start, const gbt_real *top, const gbt_real
     return broken <= broken_by_braking + UNIT && !(broken >= broken_by_braking && gain < gain_of_braking);
 }
 
-void gbt_complete(const gbt_real *state, const gbt_real *parameters, gbt_plan_result *plan)
+void gbt_fill_plan(const gbt_real *state, const gbt_real *parameters, gbt_plan_result *plan)
 {
     gbt_piece piece;
     gbt_real total[GBT_TERMS];

@@ -17,7 +17,7 @@ GBT_BEGIN_C
 int gbt_beats_braking(const gbt_real *start, const gbt_real *top, const gbt_real *parameters);
 
 /* Endpoints, rates, inputs and objective of plan->top from a state. */
-void gbt_complete(const gbt_real *state, const gbt_real *parameters, gbt_plan_result *plan);
+void gbt_fill_plan(const gbt_real *state, const gbt_real *parameters, gbt_plan_result *plan);
 
 GBT_END_C
 
