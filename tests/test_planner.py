@@ -13,6 +13,7 @@ from gbt_ocp.models.vehicles import PlanarPointMass
 from gbt_ocp.ocp import FlatTrajectory, KeepOut, Planner, ThrustLimit, TrajectoryProblem
 from gbt_ocp.ocp.braking import BrakingPlanner
 from gbt_ocp.ocp.check import LimitCheck
+from gbt_ocp.ocp.codegen.library import find_compiler
 from gbt_ocp.ocp.ladder import TIGHTENINGS
 from gbt_ocp.ocp.solvers.base import Solution
 from gbt_ocp.ocp.transcription import input_scale
@@ -395,6 +396,7 @@ def test_a_start_a_hair_inside_a_forbidden_circle_is_planned_out_of_it():
     assert np.hypot(*plan.endpoints[0][:2]) >= 0.5
 
 
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 @pytest.mark.parametrize("rates", [(-3.1, 0.3, 0.6), (-3.15, 0.2, 0.65)])
 def test_thrust_that_tightening_does_not_bring_within_its_limits_is_mended(rates):
     """At full speed askew the yaw torque peaks between the nodes, whatever is asked of it there.

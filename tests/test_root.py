@@ -127,7 +127,7 @@ def test_exact_bearings_are_told_better_than_any_nugget_of_cholesky_allows():
     data, theta, asked = dithered(), Hyperparameters(np.log([1.5]), np.log(3.0), ROUNDING), np.array([1.9, 2.0, 2.4])
     posterior = condition(SE, theta, data, np.zeros(2), ROUNDING)[0]
     by_root, by_cholesky = posterior.predict(asked).mean, condition(SE, theta, data, np.zeros(2))[0].predict(asked).mean
-    # under the nugget that it took, in decimal numbers; which one is said by the noise of its last row
+    # in decimal numbers under the nugget that it took: the one whose mean is nearest
     taken = min((*NUGGETS, ROUNDING), key=lambda nugget: np.abs(exact_mean(data, theta, nugget, asked) - by_root).max())
     exact = exact_mean(data, theta, taken, asked)
     off = np.abs(by_root - exact).max(axis=1)

@@ -1,7 +1,6 @@
 #include "gbt_plan.h"
 
 #include "gbt_check.h"
-#include "gbt_coupling.h"
 #include "gbt_form.h"
 #include "gbt_interior.h"
 #include "gbt_math.h"

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gbt_ocp.tracking.gp.kernels import Kernel, SquaredExponential
+from gbt_ocp.tracking.gp.kernels import Kernel
 from gbt_ocp.tracking.gp.likelihood import gaussian_expansion
 from gbt_ocp.tracking.gp.posterior import Conditional
-from gbt_ocp.tracking.gp.root import Root, count_for, nuggets_near
+from gbt_ocp.tracking.gp.root import Root, root_of
 from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.tracking.window import Measurements
 from gbt_ocp.typing import Array
@@ -102,16 +102,14 @@ class CoregionalizedPosterior(Conditional):
         self._theta = hyperparameters
         t = measurements.times
         self._seen = measurements.directions @ hyperparameters.weights
-        variance, scales = hyperparameters.amplitude**2, hyperparameters.length_scales
-        is_rooted = rounding > 0.0 and all(isinstance(k, SquaredExponential) for k in kernels)
-        if is_rooted and count_for(t, float(scales.min()), len(scales)) is not None:
-            nuggets = nuggets_near(hyperparameters.nugget, rounding)
-            root = Root(measurements, centre, scales, hyperparameters.weights, variance, nuggets)
-            super().__init__(measurements, centre, np.zeros((0, 0)), variance * hyperparameters.nugget, root)
-            return
-        k = self._latent(t[:, None] - t[None, :])
-        process = np.einsum("rq,sq,qrs->rs", self._seen, self._seen, k)
-        super().__init__(measurements, centre, process, variance * hyperparameters.nugget)
+        process: Array | Root | None = root_of(
+            kernels, measurements, centre, hyperparameters.length_scales, hyperparameters.weights,
+            hyperparameters.nugget, rounding,
+        )  # fmt: skip
+        if process is None:
+            k = self._latent(t[:, None] - t[None, :])
+            process = np.einsum("rq,sq,qrs->rs", self._seen, self._seen, k)
+        super().__init__(measurements, centre, process, hyperparameters.amplitude**2 * hyperparameters.nugget)
         if not len(t):  # the row that stands for none
             self._seen = np.zeros((1, len(kernels)))
 

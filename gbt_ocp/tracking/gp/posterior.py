@@ -12,8 +12,8 @@ from typing import TypeVar
 import numpy as np
 from scipy.linalg import lapack
 
-from gbt_ocp.tracking.gp.kernels import Kernel, SquaredExponential
-from gbt_ocp.tracking.gp.root import Root, count_for, nuggets_near
+from gbt_ocp.tracking.gp.kernels import Kernel
+from gbt_ocp.tracking.gp.root import Root, root_of
 from gbt_ocp.tracking.linalg import NotPositiveDefiniteError, cholesky
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import Measurements
@@ -64,11 +64,10 @@ class Conditional:
     centre
         Prior mean ``(d,)``.
     process
-        Prior covariance of the rows of the measurements ``(R, R)`` in m².
+        Prior covariance of the rows of the measurements ``(R, R)`` in m², or the root of the process, conditioned
+        already: it answers in the place of the factor.
     noise
         Variance of each row on top of its own, in m².
-    root
-        Of the process, conditioned already: it answers in the place of the factor.
 
     Raises
     ------
@@ -76,14 +75,12 @@ class Conditional:
         If Ω_yy has no Cholesky factor; see :func:`with_raised_nugget`.
     """
 
-    def __init__(
-        self, measurements: Measurements, centre: Array, process: Array, noise: float, root: Root | None = None
-    ) -> None:
+    def __init__(self, measurements: Measurements, centre: Array, process: Array | Root, noise: float) -> None:
         self._data = measurements
         self.noise = noise
         self._centre = centre
-        self._root = root
-        if root is not None:
+        self._root = process if isinstance(process, Root) else None
+        if isinstance(process, Root):
             return
         omega = process
         omega[np.diag_indices_from(omega)] += noise + measurements.variances
@@ -161,17 +158,14 @@ class Posterior(Conditional):
         self._theta = hyperparameters
         self._variance = np.exp(2.0 * hyperparameters.log_amplitude)
         t, h = measurements.times, measurements.directions
-        noise = self._variance * hyperparameters.nugget
-        scale = hyperparameters.length_scale
-        is_rooted = rounding > 0.0 and isinstance(kernel, SquaredExponential)
-        if is_rooted and count_for(t, scale, len(centre)) is not None:
-            weights = np.eye(len(centre)) * hyperparameters.amplitude
-            nuggets = nuggets_near(hyperparameters.nugget, rounding)
-            root = Root(measurements, centre, np.full(len(centre), scale), weights, self._variance, nuggets)
-            super().__init__(measurements, centre, np.zeros((0, 0)), noise, root)
-            return
-        process = self._variance * (kernel(t[:, None] - t[None, :], hyperparameters.log_kernel) * (h @ h.T))
-        super().__init__(measurements, centre, process, noise)
+        weights = np.eye(len(centre)) * hyperparameters.amplitude
+        scales = np.full(len(centre), hyperparameters.length_scale)
+        process: Array | Root | None = root_of(
+            [kernel], measurements, centre, scales, weights, hyperparameters.nugget, rounding
+        )
+        if process is None:
+            process = self._variance * (kernel(t[:, None] - t[None, :], hyperparameters.log_kernel) * (h @ h.T))
+        super().__init__(measurements, centre, process, self._variance * hyperparameters.nugget)
 
     @property
     def hyperparameters(self) -> Hyperparameters:

@@ -15,13 +15,13 @@ Cotter, Keshet and Srebro, Explicit approximations of the Gaussian kernel, arXiv
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
-from gbt_ocp.tracking.gp.kernels import squared_exponential
+from gbt_ocp.tracking.gp.kernels import Kernel, SquaredExponential, squared_exponential
 from gbt_ocp.tracking.priors import LogNormal
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.tracking.window import Measurements
@@ -111,6 +111,8 @@ class Root:
         In m²: of each row on top of its own, over the nugget.
     nuggets
         Of which the likeliest is taken.
+    count
+        Functions of each latent function; see :func:`count_for`.
     """
 
     def __init__(
@@ -121,12 +123,11 @@ class Root:
         weights: Array,
         variance: float,
         nuggets: Iterable[float],
+        count: int,
     ) -> None:
         t = measurements.times
         self._middle = 0.5 * float(t.min() + t.max())
         self._scales, self._weights, self._centre = np.asarray(length_scales, dtype=float), weights, centre
-        count = count_for(t, float(self._scales.min()), len(self._scales))
-        assert count is not None, "asked for before"
         self._count, self._rows = count, len(t)
         self._process = _Reflections(np.einsum("rd,rdm->rm", measurements.directions, self._at(t)).T)
         values, likeliest = measurements.relative_to(centre), -math.inf
@@ -184,3 +185,25 @@ class Root:
         tails = np.array([self._tail((times - self._middle) / scale) for scale in self._scales])
         further = np.einsum("aq,qk,bq->kab", self._weights, tails, self._weights)
         return Forecast(self._centre + moved @ self._found, left @ np.swapaxes(left, 1, 2) + further)
+
+
+def root_of(
+    kernels: Sequence[Kernel],
+    measurements: Measurements,
+    centre: Array,
+    length_scales: Array,
+    weights: Array,
+    nugget: float,
+    rounding: float,
+) -> Root | None:
+    """The root of a process, conditioned; ``None`` where it has none, and of a nugget that is given (rounding 0).
+
+    ``nugget`` is relative to the mean variance of the coordinates; the other parameters are as of :class:`Root`.
+    """
+    if not (rounding > 0.0 and all(isinstance(kernel, SquaredExponential) for kernel in kernels)):
+        return None
+    count = count_for(measurements.times, float(length_scales.min()), len(length_scales))
+    if count is None:
+        return None
+    variance = float(np.sum(weights**2)) / len(weights)
+    return Root(measurements, centre, length_scales, weights, variance, nuggets_near(nugget, rounding), count)
