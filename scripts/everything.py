@@ -133,6 +133,8 @@ BENCHMARKS = (
     benchmark("generated_c", "--seeds", "3", minutes=1.5),
     benchmark("kernel_versions", "--base", "e63aa57", "--repeats", "3", minutes=2.0),
     benchmark("single_precision"),
+    benchmark("pilot_precision", "--seeds", "10"),
+    benchmark("pilot_on_arm"),
     benchmark("sweep_rate"),
     benchmark("closed_loop", "--seeds", "10", "--jobs", "2", "--out", f"{OUT}/results.md"),
     Job("public_scenarios", own("benchmark", "--out", f"{OUT}/benchmark")),

@@ -32,13 +32,13 @@ def recorded(name, change, commands):
     return recording, files_of(build_pilot(config)) | recording.files
 
 
-def steps_on_the_board(place, name, change, commands, precision):
+def steps_on_the_board(place, name, change, commands, precision, flags=()):
     """The recording, an array by name of what was printed a step, and sizes by name."""
     recording, files = recorded(name, change, commands)
     for file, text in files.items():
         (place / file).write_text(text, encoding="utf-8")
     sources = [*sorted(place.glob("gbt_*.c")), ARM / "pilot_bench.c"]
-    said = said_by(program_of(place, sources, [place], precision))
+    said = said_by(program_of(place, sources, [place], precision, flags))
     steps = [dict(re.findall(r"(\w+) (\S+)", line)) for line in said.splitlines() if line.startswith("time")]
     arrays = {key: np.array([float(step[key]) for step in steps]) for key in steps[0]}
     sizes = {key: int(number) for key, number in re.findall(r"(\w+) (\d+)", said.splitlines()[-1])}

@@ -146,7 +146,7 @@ class MixtureTracker(RestartingTracker):
 
     @property
     def settings(self) -> tuple[BearingNoise, BearingBins, float, float]:
-        """Noise and bins by which the members are judged, the time in s in which evidence fades, the first's log odds."""
+        """Noise and bins by which the members are judged, the time in s in which it fades, the first's log odds."""
         return self._noise, self._bins, self._forgetting, float(self._log_odds[0])
 
     def _begin(self, own: Array) -> None:
