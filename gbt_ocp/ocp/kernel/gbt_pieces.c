@@ -275,34 +275,63 @@ void gbt_push_forward(gbt_workspace *work)
 
 #define POWERS (2 * GBT_DEGREE + 1)
 
-/* Of derivative o at a point: how many from it on at the beginning of the piece lead to it, and where one of them stands. */
+/* Of derivative o at a point: how many from it on at the beginning of the piece lead to it, and the number in the piece of
+   one of them, so far above the entry of the point with this number. */
 static int later(int o) { return GBT_REMEMBERED && o == 3 ? 1 : GBT_DERIVATIVES - o; }
-static int row_above(int o, int above) { return GBT_REMEMBERED && o == 3 ? GBT_JOINED : GBT_ROW(o + above); }
+
+static inline int number_above(int number, int above)
+{
+    const int o = number / GBT_FLAT;
+    if (!GBT_REMEMBERED) return number + above * GBT_FLAT;
+    return (o == 3 ? GBT_JOINED : GBT_ROW(o + above)) * GBT_FLAT + number % GBT_FLAT;
+}
+
+/* The sums of an entry over the points times so many powers of the time; the next point has GBT_ENTRIES of its own. */
+static inline void sum_up(const gbt_real *entry, int points, const gbt_real *seconds, int count, gbt_real *sum)
+{
+    gbt_real total[POWERS], part = entry[0];
+    total[0] = part;
+    GBT_UNROLLED
+    for (int d = 1; d < count; d++) total[d] = part *= seconds[0];
+    for (int k = 1; k < points; k++) {
+        const gbt_real s = seconds[k];
+        part = *(entry += GBT_ENTRIES);
+        total[0] += part;
+        GBT_UNROLLED
+        for (int d = 1; d < count; d++) total[d] += part *= s;
+    }
+    GBT_UNROLLED
+    for (int d = 0; d < count; d++) sum[d] = total[d];
+}
 
 /* Curvatures are symmetric matrices over the numbers of a point, of which some entries of the lower triangle are given.
    Derivative l at the beginning of the piece is s^(l-o) / (l-o)! of derivative o at a point s seconds into it. So all that
    the matrix of the piece, of which the lower triangle is filled, needs of an entry is its sum over the points times s^0,
-   s^1, ..., as far as there are derivatives. The entry at the next point is a step further than the first. */
-static void add_entry(int row, int column, const gbt_real *first, int step, int points, const gbt_real *seconds,
+   s^1, ..., as far as there are derivatives. */
+static void add_entry(int row, int column, const gbt_real *first, int points, const gbt_real *seconds,
                       const gbt_real *over_factorial, gbt_real matrix[GBT_PIECE][GBT_PIECE])
 {
-    const int o = row / GBT_FLAT, p = column / GBT_FLAT, up = later(o), across = later(p), count = up + across - 1;
-    gbt_real sum[POWERS], part = first[0];
-    sum[0] = part;
-    for (int d = 1; d < count; d++) sum[d] = part *= seconds[0];
-    for (int k = 1; k < points; k++) {
-        const gbt_real s = seconds[k];
-        part = *(first += step);
-        sum[0] += part;
-        for (int d = 1; d < count; d++) sum[d] += part *= s;
+    const int up = later(row / GBT_FLAT), across = later(column / GBT_FLAT), count = up + across - 1;
+    gbt_real sum[POWERS];
+    /* of a constant number, sums stay in registers */
+    switch (count) {
+    case 1: sum_up(first, points, seconds, 1, sum); break;
+    case 2: sum_up(first, points, seconds, 2, sum); break;
+    case 3: sum_up(first, points, seconds, 3, sum); break;
+    case 4: sum_up(first, points, seconds, 4, sum); break;
+    case 5: sum_up(first, points, seconds, 5, sum); break;
+    default: sum_up(first, points, seconds, count, sum);
     }
     for (int i = 0; i < up; i++) {
-        const int to = row_above(o, i) * GBT_FLAT + row % GBT_FLAT;
+        const int to = number_above(row, i);
         /* of an entry on the diagonal both sides are one */
         for (int k = 0; k < (row == column ? i + 1 : across); k++) {
-            const int from = row_above(p, k) * GBT_FLAT + column % GBT_FLAT;
-            part = over_factorial[i] * over_factorial[k] * sum[i + k];
-            matrix[to > from ? to : from][to > from ? from : to] += to == from && row != column ? 2 * part : part;
+            const int from = number_above(column, k);
+            const gbt_real part = over_factorial[i] * over_factorial[k] * sum[i + k];
+            if (to > from)
+                matrix[to][from] += part;
+            else
+                matrix[from][to] += to == from && row != column ? 2 * part : part;
         }
     }
 }
@@ -322,8 +351,8 @@ void gbt_assemble(gbt_workspace *work)
         point_at(work->piece[i], at_end, end);
         gbt_objective.hessian(end, work->parameters + i * GBT_END_NUMBERS, weight, entry[0]);
         for (int a = 0; a < gbt_objective.hessian_entries; a++)
-            add_entry(gbt_objective.hessian_row[a], gbt_objective.hessian_column[a], &entry[0][a], 0, 1, &period,
-                      over_factorial, matrix);
+            add_entry(gbt_objective.hessian_row[a], gbt_objective.hessian_column[a], &entry[0][a], 1, &period, over_factorial,
+                      matrix);
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
             for (int k = 0; k < limit->nodes; k++) {
@@ -337,8 +366,8 @@ void gbt_assemble(gbt_workspace *work)
                 jacobian += limit->jacobian_entries;
             }
             for (int a = 0; a < limit->curvature_entries; a++)
-                add_entry(limit->curvature_row[a], limit->curvature_column[a], &entry[0][a], GBT_ENTRIES, limit->nodes,
-                          seconds, over_factorial, matrix);
+                add_entry(limit->curvature_row[a], limit->curvature_column[a], &entry[0][a], limit->nodes, seconds,
+                          over_factorial, matrix);
         }
         for (int a = 0; a < GBT_PIECE; a++)
             for (int c = 0; c < a; c++) matrix[c][a] = matrix[a][c];
