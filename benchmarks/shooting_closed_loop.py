@@ -3,12 +3,13 @@
     OPENBLAS_NUM_THREADS=1 python benchmarks/shooting_closed_loop.py --seeds 10 --seconds 30 --json loop.json
 
 Cases 2 and 5 with hard limits on thrust and p = 5. "Two parts" is the real-time iteration: ``prepare`` between the
-samples, ``feedback`` when the state is there. Times are wall time of the call in Python, after 2 s. The error is that
-of the forecast, averaged over the times after 2 s; distance, and similarity of the bearing to the desired one, are
-medians over the same time.
+samples, ``feedback`` when the state is there. Times are wall time of the call in Python, and of that in C, after 2 s.
+The error is that of the forecast, averaged over the times after 2 s; distance, and similarity of the bearing to the
+desired one, are medians over the same time.
 
 ``--json`` writes a row a case and form: case, form, seeds, error_mean, error_median, error_worst, errors (of each
-seed), distance_median, similarity_median, solved (share), solve_us_median, solve_us_p99, prepare_us_median.
+seed), distance_median, similarity_median, solved (share), solve_us_median, solve_us_p99, c_us_median, c_us_p99,
+prepare_us_median.
 """
 
 from __future__ import annotations
@@ -39,6 +40,21 @@ FORMS: dict[str, tuple[str, ...]] = {
 }
 
 
+class Timed:
+    """An entry of the compiled planner, with the times of its calls in µs."""
+
+    def __init__(self, entry: Any) -> None:
+        self._entry = entry
+        self.took: list[float] = []
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it."""
+        began = perf_counter()
+        found = self._entry(*arguments)
+        self.took.append(1e6 * (perf_counter() - began))
+        return found
+
+
 class InTwoParts:
     """A planner whose steps are taken in two parts, with the times of both in µs."""
 
@@ -63,6 +79,9 @@ def flown(case: str, form: str, seed: int, seconds: float, overrides: Sequence[s
     chosen = ["planner.formulation=hard", "planner.pieces=5", *FORMS[form], *overrides]
     loop, start = build_loop(load_config(case, overrides=chosen, seed=seed))
     guidance: Any = loop.guidance  # the configurations plan
+    solver, entry = guidance.planner.solver, "_feedback" if form.endswith("two parts") else "_plan"
+    in_c = Timed(getattr(solver, entry))
+    setattr(solver, entry, in_c)
     parts = InTwoParts(guidance.planner) if form.endswith("two parts") else None
     if parts is not None:
         guidance.planner = parts
@@ -78,6 +97,7 @@ def flown(case: str, form: str, seed: int, seconds: float, overrides: Sequence[s
         "similarity": float(np.median((desired * line).sum(axis=1)[late] / distance[late])),
         "solved": float(solved.mean()),
         "times": (1e6 * arrays["solver_time"][late]).tolist(),
+        "in_c": in_c.took[-int(np.sum(late)) :],
         "prepared": [] if parts is None else parts.prepared,
     }
 
@@ -86,7 +106,8 @@ def measured(case: str, form: str, seeds: Sequence[int], seconds: float, overrid
     """A row of the table."""
     runs = [flown(case, form, seed, seconds, overrides) for seed in seeds]
     errors = [run["error"] for run in runs]
-    times, prepared = np.concatenate([run["times"] for run in runs]), [x for run in runs for x in run["prepared"]]
+    times, in_c = (np.concatenate([run[name] for run in runs]) for name in ("times", "in_c"))
+    prepared = [x for run in runs for x in run["prepared"]]
     return {
         "case": case,
         "form": form,
@@ -100,6 +121,8 @@ def measured(case: str, form: str, seeds: Sequence[int], seconds: float, overrid
         "solved": float(np.mean([run["solved"] for run in runs])),
         "solve_us_median": float(np.median(times)),
         "solve_us_p99": float(np.percentile(times, 99)),
+        "c_us_median": float(np.median(in_c)),
+        "c_us_p99": float(np.percentile(in_c, 99)),
         "prepare_us_median": float(np.median(prepared)) if prepared else None,
     }
 
@@ -122,9 +145,9 @@ def main() -> None:
     print("Closed loop\n")
     print(
         "| case | form | settled error m: mean | median seed | worst | distance m | similarity | solved at once "
-        "| plan µs: median | 99 % | prepare µs |"
+        "| plan µs: median | 99 % | of it in C | 99 % | prepare µs |"
     )
-    print("|" + "---|" * 11)
+    print("|" + "---|" * 13)
     rows = []
     for case in arguments.cases.split(","):
         for form in arguments.forms.split(";"):
@@ -135,7 +158,8 @@ def main() -> None:
                 f"| {case[-1]} | {form} | {row['error_mean']:.4f} | {row['error_median']:.4f} "
                 f"| {row['error_worst']:.4f} | {row['distance_median']:.3f} | {row['similarity_median']:.4f} "
                 f"| {row['solved']:.1%} "
-                f"| {row['solve_us_median']:.0f} | {row['solve_us_p99']:.0f} | {prepare} |",
+                f"| {row['solve_us_median']:.0f} | {row['solve_us_p99']:.0f} "
+                f"| {row['c_us_median']:.0f} | {row['c_us_p99']:.0f} | {prepare} |",
                 flush=True,
             )
     if arguments.json is not None:
