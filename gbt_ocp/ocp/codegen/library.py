@@ -33,7 +33,7 @@ OUTPUT = "library.so"
 """What a compiler writes, before it has its name in the cache."""
 
 
-FLAT_FILES = ("gbt_pieces", "gbt_riccati", "gbt_braking", "gbt_follow")
+FLAT_FILES = ("gbt_pieces", "gbt_flat_guess", "gbt_riccati", "gbt_braking", "gbt_follow")
 """Beginnings of the names of those files of the kernel that are for flat trajectories alone."""
 
 SHOOTING_FILES = ("gbt_shoot",)

@@ -108,23 +108,6 @@ static void brake_piece(gbt_piece piece)
     for (int j = 0; j < GBT_FLAT; j++) piece[GBT_ROW(GBT_JOINED)][j] = best[j];
 }
 
-/* Held at the beginning of each piece; within it the acceleration is. */
-void gbt_press(const gbt_real *start, const gbt_real *share, gbt_real *top)
-{
-    gbt_real thrust[GBT_INPUTS], aim[GBT_FLAT];
-    gbt_piece piece;
-    for (int j = 0; j < GBT_INPUTS; j++)
-        thrust[j] = share[j] < 0 ? -share[j] * gbt_thrust_min[j] : share[j] * gbt_thrust_max[j];
-    for (int a = 0; a < GBT_STATE; a++) piece[a / GBT_FLAT][a % GBT_FLAT] = start[a];
-    for (int a = 0; a < GBT_FREE; a++) *gbt_free(piece, a) = 0;
-    for (int i = 0; i < GBT_PIECES; i++) {
-        gbt_vehicle_acceleration(piece[0], piece[1], thrust, aim);
-        gbt_settle(piece, 2, aim);
-        for (int a = 0; a < GBT_FREE; a++) top[i * GBT_FREE + a] = *gbt_free(piece, a);
-        gbt_next_piece(piece, piece);
-    }
-}
-
 int gbt_mend(const gbt_real *start, gbt_real *top)
 {
     gbt_piece piece, change;
