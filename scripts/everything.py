@@ -136,7 +136,10 @@ BENCHMARKS = (
     benchmark("pilot_precision", "--seeds", "10"),
     benchmark("pilot_on_arm"),
     benchmark("sweep_rate"),
-    benchmark("closed_loop", "--seeds", "10", "--jobs", "2", "--out", f"{OUT}/results.md"),
+    replace(
+        benchmark("closed_loop", "--seeds", "10", "--jobs", "2", "--out", f"{OUT}/results.md"),
+        tables="closed_loop/results_tables.md",
+    ),
     Job("public_scenarios", own("benchmark", "--out", f"{OUT}/benchmark")),
     *(study(name, 50) for name in ("table2", "table3", "fig5", "fig6")),
     *(study(name, 10) for name in ("fig4", "fig7", "fig8", "fig9")),
