@@ -174,7 +174,8 @@ def test_thrusters_and_the_estimate_in_c_are_those_of_python(lag):
 def test_a_pilot_that_follows_with_feedback_gives_the_commands_of_python(lag):
     """The vehicle of this loop has thrusters that do not lag, so that one of the pilots is off its plan."""
     changes = ["tracker.kind=ekf", "tracker.engine=compiled", "sensor.noise_deg=0.5", "vehicle.follow=feedback"]
-    config = gbt.load_config("case2", [*changes, f"vehicle.thrust_lag_s={lag}"])
+    exact = "planner.solver_options={compiled: {tolerance: 1.0e-7, gap: 1.0e-9}}"
+    config = gbt.load_config("case2", [*changes, exact, f"vehicle.thrust_lag_s={lag}"])
     pilot = closed_loop(config, 4.0, only_bearings, interval=(0.01, 0.12))
     assert pilot.commands > 50
     assert pilot.worst < 1e-8

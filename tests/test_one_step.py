@@ -71,7 +71,8 @@ def steps(count, seed):
 
 def held_against(name, count, seed):
     """Differences of the step in C and of the ladder; returns how often each word was seen."""
-    planner = Planner(posed(name), "compiled")
+    # solved closely: the last bits of an input, which differ between processors, decide where Newton's method stops
+    planner = Planner(posed(name), "compiled", {"tolerance": 1.0e-8})
     ladder = Planner(planner.problem, Bare(planner.solver))
     state, words, different = np.zeros((2, 3)), {}, 0
     for step in steps(count, seed):

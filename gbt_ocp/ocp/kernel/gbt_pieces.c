@@ -234,7 +234,7 @@ static inline int number_above(int number, int above)
 /* The sums of an entry over the points times so many powers of the time; the next point has GBT_ENTRIES of its own. */
 static inline void sum_up(const gbt_real *entry, int points, const gbt_real *seconds, int count, gbt_real *sum)
 {
-    gbt_real total[POWERS], part = entry[0];
+    gbt_real total[POWERS] = {0}, part = entry[0];
     total[0] = part;
     GBT_UNROLLED
     for (int d = 1; d < count; d++) total[d] = part *= seconds[0];
