@@ -12,7 +12,7 @@
 #define SMALLEST_FALL ((gbt_real)0.02)             /* of the gradient, over what was expected, that tells of curvature */
 #define GAIN ((gbt_real)1e-5)                      /* expected gain below which a search stops */
 #ifdef GBT_SINGLE
-#define ROUNDING ((gbt_real)5e-14) /* of the likelihood, times the nugget */
+#define ROUNDING ((gbt_real)5e-14) /* times 1/nugget, a gain that shows in no forecast; the likelihood rounds at 7e-15 */
 #define LEAST_LOG_NUGGET ((gbt_real)-30.6) /* 5e-14, about the rounding of a covariance in gbt_wide */
 #else
 #define ROUNDING ((gbt_real)2.2e-16)
