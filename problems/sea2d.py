@@ -2,7 +2,7 @@
 
 The target keeps 1 m/s and turns at rates within ±0.05 rad/s that change every 20 to 40 s. The bearing has a
 standard deviation of 1° at 10 Hz and is missed in 5 % of the samples. The vehicle, at most 3.4 m/s fast, keeps 30 m
-away with a probability of 99.99 % of its own belief, and 2.5 m more for what its belief does not know, and goes
+away with a probability of 99.99 % of its own belief, and 1.5 m more for what its belief does not know, and goes
 forth and back at about 37 m; it starts where the range is not known.
 """
 
@@ -42,7 +42,7 @@ problem = TrackingProblem(
             "range": {
                 "nearest_m": 30.0,
                 "confidence": 0.9999,
-                "margin_m": 2.5,
+                "margin_m": 1.5,
                 "target_speed_max": 2.0,
                 "spread": "present",
             },

@@ -404,7 +404,7 @@ def test_thrust_that_tightening_does_not_bring_within_its_limits_is_mended(rates
     The target is believed to be nearer than the standoff allows. To ask for more than a round has gained ended in a
     braking plan, or turned the vehicle at four times its yaw rate; both forms of the step answer alike.
     """
-    configuration = load_config("sea2d_speed", ["limits.range.margin_m=1.5"])
+    configuration = load_config("sea2d_speed")
     planner = build_planner(configuration, build_vehicle(configuration))
     ladder = Planner(planner.problem, Bare(planner.solver))
     start = np.array([[34.4, -84.54, 8.37], rates])

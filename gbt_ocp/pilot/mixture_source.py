@@ -158,7 +158,7 @@ def mixture_in_c(tracker: MixtureTracker, samples: Callable[[float], int]) -> So
     """
     if sorted(tracker.members) != sorted(MEMBERS_IN_C):
         raise ValueError(f"tracker.members: found {', '.join(tracker.members)}; allowed in C: {_BOTH}")
-    noise, bins, forgetting, log_odds = tracker.settings
+    noise, bins, forgetting = tracker.settings
     held, binned = (tracker.members[name] for name in MEMBERS_IN_C)
     assert isinstance(held, HeldTurnTracker), "of this name"
     assert isinstance(binned, BinnedFilter), "of this name"
@@ -169,7 +169,6 @@ def mixture_in_c(tracker: MixtureTracker, samples: Callable[[float], int]) -> So
         "noise": noise_in_c(noise),
         "binning": _binning(bins, noise),
         "forgetting": forgetting,
-        "log_odds": log_odds,
         "member": np.array([MEMBERS_IN_C.index(name) for name in tracker.members], dtype=np.int32),
     }
     sizes |= {

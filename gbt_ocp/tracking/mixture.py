@@ -100,9 +100,6 @@ class MixtureTracker(RestartingTracker):
         :class:`~gbt_ocp.tracking.bins.BearingBins`); infinity trusts all of them.
     forgetting
         Time T in seconds in which evidence fades: a bin counts by ``exp(-age/T)``. Infinity forgets nothing.
-    odds_of_first
-        How much more probable the first member is than each of the others before any bin is judged. It does not fade:
-        where bearings do not tell two models apart, as those of a steady motion do not, this decides.
 
     Attributes
     ----------
@@ -112,7 +109,7 @@ class MixtureTracker(RestartingTracker):
     Raises
     ------
     ValueError
-        If there are no members, or the time or the odds are not above 0.
+        If there are no members, or the time is not above 0.
     """
 
     def __init__(
@@ -124,18 +121,14 @@ class MixtureTracker(RestartingTracker):
         bin_width: float = 1.0,
         gate: float = np.inf,
         forgetting: float = np.inf,
-        odds_of_first: float = 1.0,
     ) -> None:
         if not members:
             raise ValueError("members: found none; allowed: at least one")
         if not forgetting > 0.0:
             raise ValueError(f"forgetting: found {forgetting}; allowed: a number > 0")
-        if not 0.0 < odds_of_first < np.inf:
-            raise ValueError(f"odds_of_first: found {odds_of_first}; allowed: a finite number > 0")
         self.dimension = dimension
         self.members: Mapping[str, Tracker] = dict(members)
         self._forgetting = forgetting
-        self._log_odds = np.log([odds_of_first, *np.ones(len(self.members) - 1)])
         self._noise = noise
         self._bins = BearingBins(bin_width, max(SCATTER_S, 2.0 * bin_width), gate * noise.std)
         self._gaps = Gaps(span=SCATTER_S)
@@ -145,9 +138,9 @@ class MixtureTracker(RestartingTracker):
         self._begin(np.zeros(dimension))
 
     @property
-    def settings(self) -> tuple[BearingNoise, BearingBins, float, float]:
-        """Noise and bins by which the members are judged, the time in s in which it fades, the first's log odds."""
-        return self._noise, self._bins, self._forgetting, float(self._log_odds[0])
+    def settings(self) -> tuple[BearingNoise, BearingBins, float]:
+        """Noise and bins by which the members are judged, and the time in seconds in which evidence fades."""
+        return self._noise, self._bins, self._forgetting
 
     def _begin(self, own: Array) -> None:
         self._own = own
@@ -241,8 +234,8 @@ class MixtureTracker(RestartingTracker):
 
     @property
     def weights(self) -> Array:
-        """Probability of the members ``(M,)``; before any bin is judged as the odds of the first say."""
-        evidence = self.log_evidence + self._log_odds
+        """Probability of the members ``(M,)``; equal before any bin is judged."""
+        evidence = self.log_evidence
         share = np.exp(evidence - evidence.max())
         return np.asarray(share / share.sum())
 

@@ -167,7 +167,6 @@ def mixture(section: sections.MixtureSection, prior: PositionPrior, sensor: Bear
             bin_width=2.0 * section.member_bin_s,
             gate=math.inf if section.gate is None else section.gate,
             forgetting=section.evidence_s or math.inf,
-            odds_of_first=section.odds_of_first,
         )
 
     if section.engine == "auto" and {*section.members} != {*MEMBERS_IN_C}:

@@ -198,9 +198,6 @@ class MixtureSection(ShapeSection):
         "a list of held_turn, imm_ekf, ekf, motion_gp, each once at most, not empty",
     )
     evidence_s: Positive | None = key(30.0, "Time in s in which evidence fades; null is never.")
-    odds_of_first: float = key(
-        3.0, "How much more probable the first member is than each of the others before any bearing is judged.", gt=0.0
-    )
     member_bin_s: float = key(
         0.5,
         "Width in s of the bins of held_turn, imm_ekf and ekf; evidence counts twice that. motion_gp has bin_s.",

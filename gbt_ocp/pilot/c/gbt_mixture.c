@@ -48,11 +48,8 @@ static void choose(gbt_mixture *mixture, const gbt_mixture_settings *settings)
 {
     gbt_real *weight = mixture->weight, known[M], top = -GBT_INFINITY, total = 0, told = 0;
     int begun = mixture->seen, counted = 0;
-    for (int m = 0; m < M; m++) {
-        weight[m] = mixture->evidence[m] + (m == 0 ? settings->log_odds : 0);
-        top = gbt_fmax(top, weight[m]);
-    }
-    for (int m = 0; m < M; m++) total += weight[m] = gbt_exp(weight[m] - top);
+    for (int m = 0; m < M; m++) top = gbt_fmax(top, mixture->evidence[m]);
+    for (int m = 0; m < M; m++) total += weight[m] = gbt_exp(mixture->evidence[m] - top);
     for (int m = 0; m < M; m++) {
         weight[m] /= total;
         known[m] = tells_range(mixture, settings, m) ? weight[m] : 0;

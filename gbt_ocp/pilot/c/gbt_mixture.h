@@ -16,7 +16,6 @@ typedef struct {
     gbt_bearing_noise noise;
     gbt_binning binning;
     double forgetting;         /* time in which evidence fades, s; may be infinite */
-    gbt_real log_odds;         /* logarithm of those of the first against each other, before any bin is judged */
     int member[GBT_MEMBERS];   /* which is which; the first stands for all until each of them has begun */
 } gbt_mixture_settings;
 
