@@ -13,10 +13,11 @@ from solver_figure import COLOURS
 
 def draw(shown: Mapping[str, Sequence[Any]], target: Path) -> None:
     """Write the figure; ``shown`` has the steps of every planner for each case, ours (compiled) first."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.8), layout="constrained", sharey=True)
     names = [steps.name for steps in next(iter(shown.values()))]
+    size = (9.0, 0.55 * len(names) + 0.6)  # two labels a row, one above the other
+    figure, (left, right) = plt.subplots(1, 2, figsize=size, layout="constrained", sharey=True)
     for number, (case, results) in enumerate(shown.items()):
-        offset = 0.24 * (number - 0.5 * (len(shown) - 1))
+        offset = 0.4 * (number - 0.5 * (len(shown) - 1))
         colour, marker = COLOURS[number], "os^D"[number]
         for row, steps in enumerate(results):
             low, median, high = np.percentile(steps.times, [1.0, 50.0, 99.0])
