@@ -26,28 +26,31 @@ _RULE = re.compile(r"\|(?:\s*:?-+:?\s*\|)+")
 
 
 def tables_in(text: str) -> dict[str, dict[str, Any]]:
-    """Markdown tables of a text by key, each with ``columns`` and ``rows`` of texts."""
+    """Markdown tables of a text by key, each with ``columns`` and ``rows`` of texts.
+
+    A row that stands by itself belongs to the last table: a progress bar or a warning was printed into it.
+
+    Raises
+    ------
+    ValueError
+        If a row has not as many cells as its table has columns.
+    """
     found: dict[str, dict[str, Any]] = {}
-    lines: list[str] = []
-    for line in text.splitlines():
-        if line.startswith("|") or not _PROGRESS.search(line):
-            lines.append(line)
-        elif lines and not lines[-1].strip():
-            lines.pop()  # with the empty line that the bar of a resumed sweep begins with: the table goes on after it
-    above = "table"
+    lines = [line for line in text.splitlines() if line.startswith("|") or not _PROGRESS.search(line)]
+    above, last = "table", None
     for number, line in enumerate(lines):
         follows = lines[number + 1].strip() if number + 1 < len(lines) else ""
         if line.startswith("|") and _RULE.fullmatch(follows):
-            rows = []
-            for below in lines[number + 2 :]:
-                if not below.startswith("|"):
-                    break
-                rows.append(cells(below))
             key, copies = slug(above), 1
             while key in found:
                 copies += 1
                 key = f"{slug(above)}_{copies}"
-            found[key] = {"columns": cells(line), "rows": rows}
+            last = found[key] = {"columns": cells(line), "rows": []}
+        elif line.startswith("|") and not _RULE.fullmatch(line.strip()):
+            row = cells(line)
+            if last is None or len(row) != len(last["columns"]):
+                raise ValueError(f"found a row of {len(row)} cells that belongs to no table: {line[:80]}")
+            last["rows"].append(row)
         elif line.strip() and not line.startswith("|"):
             above = line
     findings = [_FINDING.fullmatch(line.strip()) for line in lines]
@@ -112,11 +115,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--result", type=Path, required=True, help="result.json of the job")
     parser.add_argument("--data", type=Path, default=DATA, help="folder of the file")
     chosen = parser.parse_args(argv)
-    tables = tables_in("\n".join(path.read_text(encoding="utf-8", errors="replace") for path in chosen.output))
+    try:
+        tables = tables_in("\n".join(path.read_text(encoding="utf-8", errors="replace") for path in chosen.output))
+    except ValueError as error:
+        parser.error(f"{chosen.output[0]}: {error}")
     if not tables:
         parser.error(f"{chosen.output[0]}: found no table; allowed: texts with Markdown tables")
     for name, table in tables.items():
-        if not table["rows"]:  # as where something else is printed between its head and its rows
+        if not table["rows"]:
             parser.error(f"{chosen.output[0]}: found a table '{name}' without rows; allowed: tables with rows")
     content = described(tables, json.loads(chosen.result.read_text(encoding="utf-8")))
     write(chosen.data / f"{chosen.name}.json", content)

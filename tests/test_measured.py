@@ -112,8 +112,8 @@ def test_data_is_written_from_what_a_command_printed(tmp_path):
 
 
 def test_a_table_without_rows_is_refused_and_not_written(tmp_path, capsys):
-    """As where a progress bar stands between its head and its rows."""
-    (tmp_path / "output.txt").write_text("| case | m |\n|---|---|\nsweep: 100%\n| 1 | 0.5 |\n", encoding="utf-8")
+    """As of a run that was stopped before its first row."""
+    (tmp_path / "output.txt").write_text("| case | m |\n|---|---|\nsweep: 100%\n", encoding="utf-8")
     with pytest.raises(SystemExit):
         write_data.main(
             [str(tmp_path / "output.txt"), "--name", "half", "--result", "none", "--data", str(tmp_path / "data")]
@@ -122,8 +122,13 @@ def test_a_table_without_rows_is_refused_and_not_written(tmp_path, capsys):
     assert not (tmp_path / "data").exists()
 
 
-def test_a_table_goes_on_after_a_progress_bar_that_begins_with_an_empty_line():
-    """As a sweep prints it that found its runs done; an empty line without a bar ends a table."""
-    bar = "\nsweep: 100%|####| 60/60\n"
-    found = write_data.tables_in(f"| case | m |\n|---|---|\n{bar}| 1 | 0.5 |\n{bar}| 2 | 0.7 |\n\n| 3 | 0.9 |\n")
-    assert found == {"table": {"columns": ["case", "m"], "rows": [["1", "0.5"], ["2", "0.7"]]}}
+def test_a_table_goes_on_after_what_was_printed_into_it():
+    """Bars of sweeps, some after an empty line, and warnings: no row is lost, and one of another table is refused."""
+    bar, warning = "\nsweep: 100%|####| 60/60\n", "x.py:3: RuntimeWarning: overflow\n  y = x**2\n"
+    found = write_data.tables_in(
+        f"| case | m |\n|---|---|\n{bar}| 1 | 0.5 |\n{bar}| 2 | 0.7 |\n{warning}{bar}| 3 | 0.9 |\n"
+    )
+    assert found == {"table": {"columns": ["case", "m"], "rows": [["1", "0.5"], ["2", "0.7"], ["3", "0.9"]]}}
+    for wrong in ("| 1 | 2 |\n", f"| case | m |\n|---|---|\n| 1 | 0.5 |\n{warning}| 1 | 2 | 3 |\n"):
+        with pytest.raises(ValueError, match=r"found a row of \d cells that belongs to no table: \| 1"):
+            write_data.tables_in(wrong)
