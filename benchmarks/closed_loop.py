@@ -82,16 +82,30 @@ def one_run(job: tuple[str, list[str], int]) -> dict[str, Any]:
     return gbt.run(case, overrides=written, seed=seed).summary
 
 
+Summaries = dict[str, dict[str, list[dict[str, Any]]]]
+"""Of each run, by setting and case."""
+
+
+def numbers(runs: list[dict[str, Any]], key: str) -> np.ndarray:
+    """A number of each run."""
+    return np.array([np.nan if one[key] is None else one[key] for one in runs], dtype=float)
+
+
+def answers(runs: list[dict[str, Any]]) -> tuple[int, int, int, int]:
+    """Steps whose first solve failed, all steps, fallbacks, and plans that were tightened."""
+    steps = numbers(runs, "steps") + 1
+    unsolved = round(float(((1.0 - numbers(runs, "solver_success_rate")) * steps).sum()))
+    fallbacks = sum(sum(one["fallbacks"].values()) for one in runs)
+    return unsolved, int(steps.sum()), fallbacks, sum(one["retries"]["tightened"] for one in runs)
+
+
 def row(case: str, summaries: list[dict[str, Any]]) -> str:
     """One line of the table."""
 
     def column(key: str) -> np.ndarray:
         return numbers(summaries, key)
 
-    settled, steps = column("error_settled"), int(column("steps").sum()) + len(summaries)
-    fallbacks = sum(sum(s["fallbacks"].values()) for s in summaries)
-    tightened = sum(s["retries"]["tightened"] for s in summaries)
-    unsolved = round(float(((1.0 - column("solver_success_rate")) * (steps / len(summaries))).sum()))
+    settled, (unsolved, steps, fallbacks, tightened) = column("error_settled"), answers(summaries)
     cells = [
         case[-1],
         f"{settled.mean():.5f}",
@@ -134,15 +148,6 @@ COLUMNS = (
 HEADER = f"| {' | '.join(COLUMNS)} |\n|{'---|' * len(COLUMNS)}"
 
 
-Summaries = dict[str, dict[str, list[dict[str, Any]]]]
-"""Of each run, by setting and case."""
-
-
-def numbers(runs: list[dict[str, Any]], key: str) -> np.ndarray:
-    """A number of each run."""
-    return np.array([np.nan if one[key] is None else one[key] for one in runs], dtype=float)
-
-
 def table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
     """Lines of Markdown."""
     lines = ["", title, "", f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
@@ -174,13 +179,8 @@ def least(values: np.ndarray) -> str:
 def thrust_row(name: str, dimension: int, found: Summaries) -> list[str]:
     """Limits, solver and times of a setting in the plane or in space."""
     runs = [one for case in CASES if (case < "case4") == (dimension == 2) for one in found[name][case]]
-    steps = int(numbers(runs, "steps").sum()) + len(runs)
-    unsolved = round(float(((1.0 - numbers(runs, "solver_success_rate")) * (numbers(runs, "steps") + 1)).sum()))
-    cells = [f"{numbers(runs, 'violation_max').max():.2g}", f"{unsolved} of {steps:,}"]
-    cells += [
-        str(sum(sum(one["fallbacks"].values()) for one in runs)),
-        str(sum(one["retries"]["tightened"] for one in runs)),
-    ]
+    unsolved, steps, fallbacks, tightened = answers(runs)
+    cells = [f"{numbers(runs, 'violation_max').max():.2g}", f"{unsolved} of {steps:,}", str(fallbacks), str(tightened)]
     cells.append(f"{numbers(runs, 'solver_iterations_mean').mean():.1f}")
     cells += [f"{np.median(numbers(runs, f'{part}_time_median_ms')):.2f}" for part in ("solver", "tracker")]
     return [name, str(dimension), *cells]
