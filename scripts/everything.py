@@ -5,7 +5,7 @@
     python scripts/everything.py --out runs/quick --quick       # a tenth of the seeds, runs and problems
     python scripts/everything.py --list
     python scripts/everything.py --out runs/everything --only theory_coverage test_faults
-    python scripts/everything.py --out runs/everything --tracks FOLDER   # with CSV files of recorded tracks
+    python scripts/everything.py --out runs/everything --tracks FOLDER --logs FOLDER    # recorded tracks and bearings
 
 DIR/summary.md has a row for each: exit code, wall and processor time, and where its output is; above them the machine
 and the versions. What ended with exit code 0 is not run again. Exit codes: 0 all ended well, 1 something did not,
@@ -21,14 +21,14 @@ import platform
 import re
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-OUT, TRACKS = "{out}", "{tracks}"
+OUT, TRACKS, LOGS = "{out}", "{tracks}", "{logs}"
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,8 @@ class Job:
     name
         Folder below the output's, what ``--only`` takes, and name of its file of data.
     command
-        Arguments after the interpreter; ``{out}`` is the job's own folder, ``{tracks}`` what ``--tracks`` says.
+        Arguments after the interpreter; ``{out}`` is the job's own folder, ``{tracks}`` and ``{logs}`` are what
+        ``--tracks`` and ``--logs`` say.
     minutes
         Processor minutes it took where that was measured, else ``None``.
     tables
@@ -103,8 +104,14 @@ BENCHMARKS = (
     benchmark("tracker"),
     benchmark("measurement_kinds"),
     benchmark("pilot_foreign_loop", "--seeds", "40"),
-    benchmark("objectives"),
-    benchmark("follower", "sea2d"),
+    benchmark("objectives", "--seeds", "3", "--duration", "15"),
+    benchmark("objectives", "--config", "sea2d", "--seeds", "6", "--duration", "120", name="objectives_sea"),
+    benchmark("exact_bearings", "--seeds", "3"),
+    benchmark("axial", "--seeds", "4"),
+    benchmark(
+        *("follower", "sea2d", "--seeds", "3", "--duration", "40", "--set", "limits.hard=[]"),
+        *("--bandwidth", "0.5", "2", "5"),
+    ),
     benchmark("plant_errors", "sea2d", "--seeds", "20", "--out", f"{OUT}/runs"),
     benchmark(
         "plant_errors",
@@ -122,7 +129,7 @@ BENCHMARKS = (
     benchmark("shooting", "--study", "loop", "--out", f"{OUT}/runs", name="shooting_loop"),
     benchmark("shooting_figure", f"{OUT}/../shooting_loop/runs", f"{OUT}/shooting_reach.png"),
     benchmark("planner_peers", "--seconds", "30", "--figure", f"{OUT}/planner_peers.png"),
-    benchmark("filter_noise"),
+    benchmark("filter_noise", "--seeds", "1"),
     benchmark("growth", "--only", "p,n_c,N_c", "--figure", f"{OUT}/growth.png", minutes=1.0),
     benchmark("growth", "--only", "p by integration", name="shooting_growth"),
     benchmark("shooting_cold", "--count", "1000", "--json", f"{OUT}/cold.json"),
@@ -132,7 +139,7 @@ BENCHMARKS = (
     benchmark("settled_error", "--seeds", "10"),
     benchmark("generated_c", "--seeds", "3", minutes=1.5),
     benchmark("kernel_versions", "--base", "e63aa57", "--repeats", "3", minutes=2.0),
-    benchmark("single_precision"),
+    benchmark("single_precision", "--seeds", "12", "--steps", "40"),
     benchmark("pilot_precision", "--seeds", "10"),
     benchmark("pilot_on_arm"),
     benchmark("sweep_rate"),
@@ -140,7 +147,8 @@ BENCHMARKS = (
         benchmark("closed_loop", "--seeds", "10", "--jobs", "2", "--out", f"{OUT}/results.md"),
         tables="closed_loop/results_tables.md",
     ),
-    Job("public_scenarios", own("benchmark", "--out", f"{OUT}/benchmark")),
+    Job("public_scenarios", own("benchmark", "--logs", LOGS, "--out", f"{OUT}/benchmark")),
+    benchmark("recorded_logs", LOGS),
     *(study(name, 50) for name in ("table2", "table3", "fig5", "fig6")),
     *(study(name, 10) for name in ("fig4", "fig7", "fig8", "fig9")),
     Job(
@@ -159,6 +167,12 @@ BENCHMARKS = (
     benchmark(
         "sea_open_loop",
         *("sea2d", "sea2d_speed", "sea3d", "sea3d_speed", "--seeds", "6", "--out", f"{OUT}/open_loop.jsonl"),
+        *("--trackers", "mixture", "held_turn", "motion_gp", "imm_ekf", "ekf"),
+    ),
+    benchmark(
+        *("sea_open_loop", "sea2d", "--clutter", "--seeds", "6", "--out", f"{OUT}/open_loop.jsonl"),
+        *("--trackers", "mixture", "motion_gp", "gp"),
+        name="sea_strays",
     ),
     benchmark(
         "sea_plans",
@@ -237,11 +251,11 @@ def machine() -> dict[str, str]:
     }
 
 
-def carry_out(job: Job, out: Path, tracks: str) -> dict[str, Any]:
+def carry_out(job: Job, out: Path, recorded: Mapping[str, str]) -> dict[str, Any]:
     """Run one job; its result, also in ``DIR/NAME/result.json``, which is written last."""
     folder = out / job.name
     folder.mkdir(parents=True, exist_ok=True)
-    values = {OUT: str(folder), TRACKS: tracks}
+    values = {OUT: str(folder), **recorded}
     arguments = going_on([_filled(part, values) for part in job.command])
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
     described = machine()
@@ -271,11 +285,15 @@ def carry_out(job: Job, out: Path, tracks: str) -> dict[str, Any]:
     return found
 
 
+PRINTED = {TRACKS: "TRACKS", LOGS: "LOGS"}
+"""Folders of recorded data in a command that a reader reads."""
+
+
 def printed(job: Job) -> list[str]:
     """The command as a reader would write it, whatever the folders are called here."""
     own_command = job.command[:2] == ("-m", "gbt_ocp.cli")
     begin, rest = (["gbt-ocp"], job.command[2:]) if own_command else (["python"], job.command)
-    return begin + [_filled(part, {f"{OUT}/../paper": "DIR", OUT: "DIR", TRACKS: "TRACKS"}) for part in rest]
+    return begin + [_filled(part, {f"{OUT}/../paper": "DIR", OUT: "DIR", **PRINTED}) for part in rest]
 
 
 def _load() -> float:
@@ -342,6 +360,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, help="folder of the results")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these alone")
     parser.add_argument("--tracks", metavar="FOLDER", default="", help="recorded tracks, CSV files with t,x,y")
+    parser.add_argument("--logs", metavar="FOLDER", default="", help="recorded bearings, as gbt-ocp replay reads them")
     parser.add_argument("--data", type=Path, metavar="FOLDER", help="write the tables there too: docs/data")
     parser.add_argument("--quick", action="store_true", help="a tenth of the seeds, runs and problems")
     parser.add_argument("--list", action="store_true", help="show what there is")
@@ -355,6 +374,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"found {', '.join(wrong) or 'no --out'}; allowed: --out DIR and names of --list", file=sys.stderr)
         return 2
     out = arguments.out.resolve()
+    recorded = {TRACKS: arguments.tracks, LOGS: arguments.logs}
     chosen = [known[name] for name in arguments.only] if arguments.only else list(known.values())
     failed = []
     try:
@@ -363,11 +383,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             if before is not None and before["exit"] == 0:
                 print(f"{job.name}: finished before", file=sys.stderr)
                 continue
-            if TRACKS in job.command and not arguments.tracks:
-                print(f"{job.name}: needs --tracks, left out", file=sys.stderr)
+            missing = [f"--{PRINTED[key].lower()}" for key in PRINTED if key in job.command and not recorded[key]]
+            if missing:
+                print(f"{job.name}: needs {', '.join(missing)}, left out", file=sys.stderr)
                 continue
             print(f"{job.name}: runs", file=sys.stderr, flush=True)
-            found = carry_out(quick(job) if arguments.quick else job, out, arguments.tracks)
+            found = carry_out(quick(job) if arguments.quick else job, out, recorded)
             print(f"{job.name}: exit code {found['exit']}, {found['processor_s']:.0f} s of processor", file=sys.stderr)
             write_summary(out)
             if arguments.data and not found["exit"] and not arguments.quick:
