@@ -101,16 +101,25 @@ def markdown(table: dict[str, Any]) -> str:
     return "\n".join([*lines, *(f"| {' | '.join(map(str, row))} |" for row in table["rows"])])
 
 
+FUNCTIONAL = ("gbt_ocp", "problems", "configs")
+"""What a result follows from: the package and what it ships; the rest is documentation, tests and measuring."""
+
+
 def age(commit: str) -> str:
-    """Commits since the one with which numbers were made, in words."""
+    """Commits since the one with which numbers were made, and how many of them changed the package, in words."""
     if commit == UNKNOWN:
         return UNKNOWN
-    command = ["git", "-C", str(DOCS), "rev-list", "--count", f"{commit}..HEAD"]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        every, functional = commits_since(commit), commits_since(commit, *FUNCTIONAL)
     except (OSError, subprocess.CalledProcessError):
         return f"{commit[:9]}, which this copy does not have"
-    return f"{int(done.stdout)} commits ({commit[:9]})"
+    return f"{every} commits ({commit[:9]}), {functional or 'none'} of the package"
+
+
+def commits_since(commit: str, *paths: str) -> int:
+    """Commits after one, of all files or of these."""
+    command = ["git", "-C", str(DOCS.parent), "rev-list", "--count", f"{commit}..HEAD", "--", *paths]
+    return int(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
 
 def ages() -> str:

@@ -78,6 +78,14 @@ def test_the_list_of_ages_counts_commits():
         ["git", "-C", str(ROOT), "log", "--format=%h", "HEAD~3..HEAD"], capture_output=True, text=True, check=True
     )
     assert measured.age(done.stdout.strip()).startswith(f"{len(between.stdout.split())} commits (")
+    changed = subprocess.run(
+        ["git", "-C", str(ROOT), "log", "--format=", "--name-only", "HEAD~3..HEAD"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    of_package = any(line.startswith(("gbt_ocp/", "problems/", "configs/")) for line in changed.stdout.split())
+    assert measured.age(done.stdout.strip()).endswith("none of the package") is not of_package
     assert "does not have" in measured.age("0" * 40)
 
 
