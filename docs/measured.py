@@ -1,8 +1,8 @@
 """Measured numbers as data: ``docs/data/NAME.json``, and the pages that are rendered from them.
 
 A page writes ``{{ data.NAME.KEY }}`` for a table or a value, ``{{ data.NAME.KEY[ROW, COLUMN] }}`` for a cell of a table
-by the first cell of its row (or the first ones, with a slash between) and the head of its column, and ``{{ ages }}``
-for the list of all files with their age.
+by the first cell of its row (or the first ones, with a slash between) and the head of its column, either of which may
+have commas, and ``{{ ages }}`` for the list of all files with their age.
 MkDocs calls the functions ``on_…``; ``scripts/write_data.py`` writes the files.
 """
 
@@ -20,7 +20,7 @@ DATA = DOCS / "data"
 ABOUT = ("command", "commit", "date", "machine", "seeds", "versions")
 """What every file says of itself besides its tables and values."""
 
-PLACEHOLDER = re.compile(r"\{\{\s*data\.(\w+)\.(\w+)(?:\[([^\],]+),\s*([^\]]+)\])?\s*\}\}")
+PLACEHOLDER = re.compile(r"\{\{\s*data\.(\w+)\.(\w+)(?:\[([^\]]+)\])?\s*\}\}")
 AGES = "{{ ages }}"
 UNKNOWN = "before 0.2.0"
 """The commit of numbers that were measured before commits were written beside them."""
@@ -69,7 +69,7 @@ def _indented(value: str, text: str, start: int) -> str:
     return value if before.strip() else value.replace("\n", f"\n{before}")
 
 
-def _value(name: str, key: str, row: str | None, column: str | None) -> str:
+def _value(name: str, key: str, cell: str | None) -> str:
     found = read(name)
     values = found["tables"] | found.get("values", {}) | {about: found[about] for about in ABOUT}
     if key not in values:
@@ -77,22 +77,29 @@ def _value(name: str, key: str, row: str | None, column: str | None) -> str:
     value = values[key]
     if key not in found["tables"]:
         return "; ".join(f"`{line}`" for line in value) if key == "command" else str(value)
-    if row is None or column is None:
-        return markdown(value)
-    return _cell(f"data.{name}.{key}", value, row.strip(), column.strip())
+    return markdown(value) if cell is None else _cell(f"data.{name}.{key}", value, cell)
 
 
-def _cell(where: str, table: dict[str, Any], row: str, column: str) -> str:
+def _cell(where: str, table: dict[str, Any], cell: str) -> str:
+    """The cell of ``ROW, COLUMN``, split at the comma that leaves a row and a column of the table."""
     heads = [head.strip("* ") for head in table["columns"]]
-    first = [part.strip() for part in row.split(" / ")]
-    rows = [line for line in table["rows"] if [cell.strip("* ") for cell in line[: len(first)]] == first]
-    if len(rows) != 1 or heads.count(column) != 1:
+    parts = cell.split(",")
+    found = []
+    for comma in range(1, len(parts)):
+        row, column = (",".join(side).strip() for side in (parts[:comma], parts[comma:]))
+        first = [part.strip() for part in row.split(" / ")]
+        rows = [line for line in table["rows"] if [one.strip("* ") for one in line[: len(first)]] == first]
+        found.append((len(rows), heads.count(column), rows, column))
+    found.sort(key=lambda one: (one[0] > 0) + (one[1] > 0), reverse=True)
+    counts = [one[:2] for one in found]
+    if counts.count((1, 1)) != 1 or counts[0] != (1, 1):
+        of_rows, of_columns = counts[0] if counts else (0, 0)
         raise MissingError(
-            f"{where}[{row}, {column}]: found {len(rows)} rows and {heads.count(column)} columns; "
+            f"{where}[{cell}]: found {of_rows} rows and {of_columns} columns; "
             f"allowed: one of each, of the rows {', '.join(line[0] for line in table['rows'])}, "
             f"of the columns {', '.join(heads)}"
         )
-    return str(rows[0][heads.index(column)]).strip("* ")
+    return str(found[0][2][0][heads.index(found[0][3])]).strip("* ")
 
 
 def markdown(table: dict[str, Any]) -> str:

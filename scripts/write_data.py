@@ -66,8 +66,8 @@ def cells(line: str) -> list[str]:
 
 
 def slug(text: str) -> str:
-    """A key from a line of text: at most its first six words."""
-    words = re.findall(r"[a-z0-9]+", text.lower())[:6]
+    """A key from a line of text: at most its first six words, without a number that was measured (``: 11.2 min``)."""
+    words = re.findall(r"[a-z0-9]+", re.split(r":\s+\d", text.lower())[0])[:6]
     return "_".join(words) or "table"
 
 
