@@ -101,7 +101,7 @@ def gap(arguments: argparse.Namespace) -> None:
             ]
         else:
             studied = [("the vehicle", plain, "", ("flat", *FREER, "flat, half pieces", "body acceleration", "thrust"))]
-        print(f"\nd = {d}, p = {pieces}, range pull {pull}, {len(problems)} problems")
+        print(f"\nd{d} p{pieces} pull {pull}: {len(problems)} problems")
         print_header(
             "vehicle",
             "held",
@@ -157,6 +157,7 @@ def starts(arguments: argparse.Namespace) -> None:
         columns["shooting"].append(shot.objective)
         columns["shooting best"].append(max(one.objective for one in shots if one.solved))
     value = {name: np.array(column) for name, column in columns.items()}
+    print("\nOther starts")
     print_header("quantity", "value")
     print_row("problems", len(value["cold"]))
     print_row("flat, from coasting", f"{value['cold'].mean():.3f}")
@@ -180,6 +181,7 @@ REACHING = ("flat", *FREER, "flat, half pieces", "body acceleration", "thrust")
 def reach(arguments: argparse.Namespace) -> None:
     """Area of the convex hull of what the last endpoint reaches."""
     d = 2
+    print("\nReach")
     print_header("start", "p", *REACHING)
     for pieces in (1, 2, 5):
         forms = [make(name, falcon(d), pieces, (Reach(d),)) for name in REACHING]
@@ -285,6 +287,7 @@ def loop(arguments: argparse.Namespace) -> None:
     if not path.exists():
         path.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
     done = {tuple(row[:6]): row for row in list(csv.reader(path.open(encoding="utf-8")))[1:]}
+    print("\nClosed loop")
     print_header(
         "case",
         "preset",
@@ -317,6 +320,7 @@ def loop(arguments: argparse.Namespace) -> None:
         print_row(
             case,
             preset,
+            pull,
             pieces,
             name,
             len(found),
