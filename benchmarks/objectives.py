@@ -4,7 +4,9 @@
     python benchmarks/objectives.py --config sea2d --seeds 3 --duration 120 --jobs 2
 
 Each row is the mean over the seeds of whole runs as ``gbt-ocp run`` makes them, hard limits, one solver for all, so
-that iterations and times compare. At sea the errors are shares of the range, from 60 s on or over the second half.
+that iterations and times compare. Runs begin with moves across the line of sight, as at sea: the first estimate is at
+the vehicle, where all but the similarity are content. At sea the errors are shares of the range, from 60 s on or over
+the second half.
 """
 
 from __future__ import annotations
@@ -19,6 +21,9 @@ from gbt_ocp.guidance.information import CRITERIA
 
 OBJECTIVES = ["similarity", *(name if name == "condition_number" else f"fisher_{name}" for name in CRITERIA)]
 OBJECTIVES += ["motion_logdet", "motion_trace", "posterior_variance"]
+FIRST_MOVES = "guidance={kind: planner, startup_deviation: 0.25, startup_leg_s: 1}"
+"""Of the six cases, which have none; those at sea have their own."""
+
 SOLVER = ("solver_success_rate", "solver_iterations_mean", "solver_time_median_ms")
 NEAR = ("similarity_mean_second_half", "error_settled", "distance_median", *SOLVER)
 AT_SEA = ("relative_error", "relative_error_10s", "distance_min", "distance_median", "steps_below_standoff", *SOLVER)
@@ -38,6 +43,7 @@ def main() -> None:
     # the process that knows its variance after a planned bearing is the one of exact bearings
     objectives = OBJECTIVES if loaded.tracker.kind == "gp" else OBJECTIVES[:-1]
     change = [f"duration_s={chosen.duration}", "planner.formulation=hard", f"planner.solver={chosen.solver}"]
+    change += [] if "range" in loaded.limits.hard else [FIRST_MOVES]
     print(f"| objective | {' | '.join(columns)} |\n|{'---|' * (len(columns) + 1)}", flush=True)
     with tempfile.TemporaryDirectory() as folder:
         for objective in objectives:

@@ -77,7 +77,7 @@ def _value(name: str, key: str, cell: str | None) -> str:
     value = values[key]
     if key not in found["tables"]:
         return "; ".join(f"`{line}`" for line in value) if key == "command" else str(value)
-    return markdown(value) if cell is None else _cell(f"data.{name}.{key}", value, cell)
+    return markdown(value) if cell is None else _cell(f"data.{name}.{key}", value, " ".join(cell.split()))
 
 
 def _cell(where: str, table: dict[str, Any], cell: str) -> str:
