@@ -163,7 +163,6 @@ BENCHMARKS = (
             "10",
             "--problems",
             "200",
-            "--full",
             "--out",
             f"{OUT}/all",
         ),
