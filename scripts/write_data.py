@@ -25,8 +25,10 @@ _PROGRESS = re.compile(r"\d+%\s*\|")
 _RULE = re.compile(r"\|(?:\s*:?-+:?\s*\|)+")
 
 
-def tables_in(text: str) -> dict[str, dict[str, Any]]:
+def tables_in(text: str, *, by_heading: bool = False) -> dict[str, dict[str, Any]]:
     """Markdown tables of a text by key, each with ``columns`` and ``rows`` of texts.
+
+    The key is that of the nearest line above, or with ``by_heading`` of the nearest heading.
 
     A row that stands by itself belongs to the last table: a progress bar or a warning was printed into it.
 
@@ -51,7 +53,7 @@ def tables_in(text: str) -> dict[str, dict[str, Any]]:
             if last is None or len(row) != len(last["columns"]):
                 raise ValueError(f"found a row of {len(row)} cells that belongs to no table: {line[:80]}")
             last["rows"].append(row)
-        elif line.strip() and not line.startswith("|"):
+        elif line.strip() and not line.startswith("|") and (line.startswith("#") or not by_heading):
             above = line
     findings = [_FINDING.fullmatch(line.strip()) for line in lines]
     rows = [[part.replace("|", r"\|") for part in one.group(2, 3, 1)] for one in findings if one]
@@ -113,10 +115,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("output", type=Path, nargs="+", help="texts with Markdown tables")
     parser.add_argument("--name", required=True, help="of the file, without .json")
     parser.add_argument("--result", type=Path, required=True, help="result.json of the job")
+    parser.add_argument("--by-heading", action="store_true", help="tables are called as the heading above them")
     parser.add_argument("--data", type=Path, default=DATA, help="folder of the file")
     chosen = parser.parse_args(argv)
+    text = "\n".join(path.read_text(encoding="utf-8", errors="replace") for path in chosen.output)
     try:
-        tables = tables_in("\n".join(path.read_text(encoding="utf-8", errors="replace") for path in chosen.output))
+        tables = tables_in(text, by_heading=chosen.by_heading)
     except ValueError as error:
         parser.error(f"{chosen.output[0]}: {error}")
     if not tables:
