@@ -59,14 +59,20 @@ def rendered(text: str) -> str:
     MissingError
         If a file, a key, a row or a column is not there.
     """
-    text = PLACEHOLDER.sub(lambda found: _indented(_value(*found.groups()), text, found.start()), text)
+    text = PLACEHOLDER.sub(lambda found: _placed(_value(*found.groups()), text, *found.span()), text)
     return text.replace(AGES, ages()) if AGES in text else text
 
 
-def _indented(value: str, text: str, start: int) -> str:
-    """Lines of a table as far in as the first, so that it stays in a part of the page that folds."""
+def _placed(value: str, text: str, start: int, end: int) -> str:
+    """A value as it has to be written there.
+
+    Lines of a table are as far in as the first, so that it stays in a part of the page that folds. A number that begins
+    a line and ends a sentence would begin a list.
+    """
     before = text[text.rfind("\n", 0, start) + 1 : start]
-    return value if before.strip() else value.replace("\n", f"\n{before}")
+    if before.strip():
+        return value
+    return value.replace("\n", f"\n{before}") + ("\\" if value.isdigit() and text[end : end + 1] == "." else "")
 
 
 def _value(name: str, key: str, cell: str | None) -> str:
