@@ -129,7 +129,7 @@ BENCHMARKS = (
     ),
     benchmark("solver", "--study", "cold", "--ipopt", "250", name="solver_cold", minutes=3.5),
     benchmark("shooting", "--study", "gap,starts,reach", "--problems", "200", "--out", OUT, name="shooting"),
-    benchmark("shooting", "--study", "loop", "--out", f"{OUT}/runs", name="shooting_loop"),
+    benchmark("shooting", "--study", "loop", "--seeds", "4", "--out", f"{OUT}/runs", name="shooting_loop"),
     benchmark("shooting_figure", f"{OUT}/../shooting_loop/runs", f"{OUT}/shooting_reach.png"),
     benchmark("planner_peers", "--seconds", "30", "--figure", f"{OUT}/planner_peers.png"),
     benchmark("filter_noise", "--seeds", "1"),
