@@ -22,8 +22,6 @@ ABOUT = ("command", "commit", "date", "machine", "seeds", "versions")
 
 PLACEHOLDER = re.compile(r"\{\{\s*data\.(\w+)\.(\w+)(?:\[([^\]]+)\])?\s*\}\}")
 AGES = "{{ ages }}"
-UNKNOWN = "before 0.2.0"
-"""The commit of numbers that were measured before commits were written beside them."""
 
 
 class MissingError(KeyError):
@@ -120,8 +118,6 @@ FUNCTIONAL = ("gbt_ocp", "problems", "configs")
 
 def age(commit: str) -> str:
     """Commits since the one with which numbers were made, and how many of them changed the package, in words."""
-    if commit == UNKNOWN:
-        return UNKNOWN
     try:
         every, functional = commits_since(commit), commits_since(commit, *FUNCTIONAL)
     except (OSError, subprocess.CalledProcessError):

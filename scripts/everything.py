@@ -161,19 +161,7 @@ BENCHMARKS = (
     *(study(name, 10) for name in ("fig4", "fig7", "fig8", "fig9")),
     Job(
         "comparison",
-        own(
-            "compare",
-            "case2",
-            "case3",
-            "case5",
-            "case6",
-            "--runs",
-            "10",
-            "--problems",
-            "200",
-            "--out",
-            f"{OUT}/all",
-        ),
+        own("compare", "case2", "case3", "case5", "case6", "--runs", "10", "--problems", "200", "--out", f"{OUT}/all"),
     ),
     Job(
         "comparison_sea",
