@@ -14,7 +14,6 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -53,7 +52,7 @@ def settled(name: str, *overrides: str, seeds: int) -> list[float]:
     return [run.summary["error_settled"] for run in runs]
 
 
-def legs(headings: Sequence[Array], lasting: float) -> tuple[MotionTarget, Array]:
+def legs(headings: Array, lasting: float) -> tuple[MotionTarget, Array]:
     """A target that moves with each velocity in turn for so many seconds, and the times at which it changes."""
     times = lasting * np.arange(1 + int(np.ceil((DURATION + 2.0) / lasting)))
     moves = [lasting * headings[k % len(headings)] for k in range(len(times) - 1)]
@@ -70,7 +69,7 @@ TARGETS = {
 
 def cornered(headings: Array, lasting: float, seeds: int) -> tuple[float, float]:
     """The largest error of the present position in m after it has settled, and of samples well past a corner."""
-    target, corners = legs(list(headings), lasting)
+    target, corners = legs(headings, lasting)
     worst, past = 0.0, 0.0
     for seed in range(seeds):
         loop, start = build_loop(gbt.load_config("case2", [*HARD, f"duration_s={DURATION}"], seed=seed))

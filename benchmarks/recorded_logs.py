@@ -3,9 +3,8 @@
     OPENBLAS_NUM_THREADS=1 python benchmarks/recorded_logs.py FOLDER
 
 FOLDER has CSV files as `gbt-ocp replay` reads them, bearings from +x, with the true positions. Configuration `replay`
-as shipped, scored from 30 s after the first bearing. A cell is the distance between track and truth in per cent of the
-true range, median / RMS, and the share of the truth inside the 95 % ellipse in per cent. The last rows are a target at
-a constant range along each bearing.
+as shipped, scored from the same time on and beside the same constant ranges. A cell is the distance between track and
+truth in per cent of the true range, median / RMS, and the share of the truth inside the 95 % ellipse in per cent.
 """
 
 from __future__ import annotations
@@ -22,10 +21,6 @@ import numpy as np
 
 import gbt_ocp as gbt
 from gbt_ocp.simulation.calibration import squared_errors, within
-
-SCORED_FROM = 30.0
-CONSTANT_M = (60.0, 80.0)
-MEAN_MS = "ms a bearing"
 
 
 def cell(shares: Any, inside: Any = None) -> str:
@@ -49,19 +44,21 @@ def main() -> None:
     times: dict[str, list[Any]] = {}
     for path in logs:
         found = gbt.replay(path, trackers=["all"], bearing_from="x")
-        log = found.log
-        scored = log.times >= log.times[0] + SCORED_FROM
+        log, settings = found.log, found.configuration.replay
+        scored = log.times >= log.times[0] + settings.score_from_s
         true_range = np.linalg.norm(log.truth - log.own, axis=1)
         for track in found.tracks:
             offset = track.mean - log.truth
             shares.setdefault(track.name, []).append((np.linalg.norm(offset, axis=1) / true_range)[scored])
-            inside.setdefault(track.name, []).append(within(squared_errors(offset, track.covariance), 2)[scored])
+            inside.setdefault(track.name, []).append(
+                within(squared_errors(offset, track.covariance), offset.shape[1])[scored]
+            )
             times.setdefault(track.name, []).append(track.seconds)
-        for reach in CONSTANT_M:
+        for reach in settings.constant_range_m:
             offset = log.own + reach * log.bearings - log.truth
             name = f"{reach:g} m along the bearing"
             shares.setdefault(name, []).append((np.linalg.norm(offset, axis=1) / true_range)[scored])
-    heads = ["tracker", *(path.stem for path in logs), "all", MEAN_MS]
+    heads = ["tracker", *(path.stem for path in logs), "all", "ms a bearing"]
     print(f"Logs\n\n| {' | '.join(heads)} |\n{'|---' * len(heads)}|")
     for name, each in shares.items():
         counts = inside.get(name, [None] * len(each))

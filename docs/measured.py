@@ -88,22 +88,23 @@ def _cell(where: str, table: dict[str, Any], cell: str) -> str:
     """The cell of ``ROW, COLUMN``, split at the comma that leaves a row and a column of the table."""
     heads = [head.strip("* ") for head in table["columns"]]
     parts = cell.split(",")
-    found = []
+    splits = []
     for comma in range(1, len(parts)):
         row, column = (",".join(side).strip() for side in (parts[:comma], parts[comma:]))
         first = [part.strip() for part in row.split(" / ")]
         rows = [line for line in table["rows"] if [one.strip("* ") for one in line[: len(first)]] == first]
-        found.append((len(rows), heads.count(column), rows, column))
-    found.sort(key=lambda one: (one[0] > 0) + (one[1] > 0), reverse=True)
-    counts = [one[:2] for one in found]
-    if counts.count((1, 1)) != 1 or counts[0] != (1, 1):
-        of_rows, of_columns = counts[0] if counts else (0, 0)
+        splits.append((rows, column))
+    fits = [(rows[0], column) for rows, column in splits if len(rows) == heads.count(column) == 1]
+    if len(fits) != 1:
+        counts = [(len(rows), heads.count(column)) for rows, column in splits]
+        of_rows, of_columns = max(counts, key=lambda both: (both[0] > 0) + (both[1] > 0), default=(0, 0))
         raise MissingError(
             f"{where}[{cell}]: found {of_rows} rows and {of_columns} columns; "
             f"allowed: one of each, of the rows {', '.join(line[0] for line in table['rows'])}, "
             f"of the columns {', '.join(heads)}"
         )
-    return str(found[0][2][0][heads.index(found[0][3])]).strip("* ")
+    row_found, column_found = fits[0]
+    return str(row_found[heads.index(column_found)]).strip("* ")
 
 
 def markdown(table: dict[str, Any]) -> str:
