@@ -33,9 +33,9 @@ def travelled(velocity, times, fine=100):
     return np.vstack([np.zeros(2), np.cumsum(moves, axis=0)])[::fine][: len(times)]
 
 
-def circled(target, times, radius=0.6, phase=0.0):
-    """An own path round a target that follows it a second late, as a vehicle does, one turn a second."""
-    late = np.maximum(np.arange(len(times)) - 10, 0)
+def circled(target, times, radius=0.6, phase=0.0, samples=10):
+    """An own path round a target that follows it some samples late, as a vehicle does, one turn a second."""
+    late = np.maximum(np.arange(len(times)) - samples, 0)
     angle = 2.0 * np.pi * times + phase
     return target[late] + radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
@@ -51,7 +51,7 @@ def errors(tracker, times, target, own, bearings=None):
 
 
 def sprint_on_a_sample(t):
-    """Along the line of sight at first, where bearings show nothing of it."""
+    """Away from a vehicle that is near, and so along the line of sight, where bearings show nothing of it."""
     return np.array([1.6 if int(t // 4.0) % 2 else 0.2, 0.0])
 
 
@@ -59,7 +59,7 @@ def test_a_corner_on_a_sample_and_along_the_line_of_sight_is_past_within_a_secon
     times = 0.1 * np.arange(int(10 * DURATION))
     target = travelled(sprint_on_a_sample, times)
     for turn in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
-        own = circled(target, times, phase=turn)
+        own = circled(target, times, radius=0.05, phase=turn, samples=5)
         found, sizes = errors(GaussianProcessTracker(2, breaks=True), times, target, own)
         since = np.mod(times, 4.0)
         assert found[times > 2.5].max() < 0.5

@@ -29,8 +29,8 @@ BEFORE = 5
 LEAST_SPEED = 1.0
 """Least standard deviation of what the target moves off its old motion in a sampling interval, over it, in m/s.
 
-The medians of the priors of amplitude and length scale. Across the line of sight the bearings show it; along it they show
-nothing, and a position that is believed too well there is explained by a motion that jitters.
+The medians of the priors of amplitude and length scale. Across the line of sight the bearings show it; along it they
+show nothing, and a position that is believed too well there is explained by a motion that jitters.
 """
 
 
