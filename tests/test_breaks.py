@@ -52,7 +52,7 @@ def errors(tracker, times, target, own, bearings=None):
 
 def sprint_on_a_sample(t):
     """Away from a vehicle that is near, and so along the line of sight, where bearings show nothing of it."""
-    return np.array([1.6 if int(t // 4.0) % 2 else 0.2, 0.0])
+    return np.array([1.2 if int(t // 4.0) % 2 else 0.2, 0.0])
 
 
 def test_a_corner_on_a_sample_and_along_the_line_of_sight_is_past_within_a_second():
