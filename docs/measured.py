@@ -22,8 +22,6 @@ ABOUT = ("command", "commit", "date", "machine", "seeds", "versions")
 
 PLACEHOLDER = re.compile(r"\{\{\s*data\.(\w+)\.(\w+)(?:\[([^\]]+)\])?\s*\}\}")
 AGES = "{{ ages }}"
-UNKNOWN = "before 0.2.0"
-"""The commit of numbers that were measured before commits were written beside them."""
 
 
 class MissingError(KeyError):
@@ -59,14 +57,20 @@ def rendered(text: str) -> str:
     MissingError
         If a file, a key, a row or a column is not there.
     """
-    text = PLACEHOLDER.sub(lambda found: _indented(_value(*found.groups()), text, found.start()), text)
+    text = PLACEHOLDER.sub(lambda found: _placed(_value(*found.groups()), text, *found.span()), text)
     return text.replace(AGES, ages()) if AGES in text else text
 
 
-def _indented(value: str, text: str, start: int) -> str:
-    """Lines of a table as far in as the first, so that it stays in a part of the page that folds."""
+def _placed(value: str, text: str, start: int, end: int) -> str:
+    """A value as it has to be written there.
+
+    Lines of a table are as far in as the first, so that it stays in a part of the page that folds. A number that begins
+    a line and ends a sentence would begin a list.
+    """
     before = text[text.rfind("\n", 0, start) + 1 : start]
-    return value if before.strip() else value.replace("\n", f"\n{before}")
+    if before.strip():
+        return value
+    return value.replace("\n", f"\n{before}") + ("\\" if value.isdigit() and text[end : end + 1] == "." else "")
 
 
 def _value(name: str, key: str, cell: str | None) -> str:
@@ -114,8 +118,6 @@ FUNCTIONAL = ("gbt_ocp", "problems", "configs")
 
 def age(commit: str) -> str:
     """Commits since the one with which numbers were made, and how many of them changed the package, in words."""
-    if commit == UNKNOWN:
-        return UNKNOWN
     try:
         every, functional = commits_since(commit), commits_since(commit, *FUNCTIONAL)
     except (OSError, subprocess.CalledProcessError):

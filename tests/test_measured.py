@@ -51,6 +51,9 @@ def test_a_cell_and_a_table_are_those_of_the_file():
     (row,) = (row for row in table["rows"] if row[:2] == ["sea3d", "hard"])
     quoted = "{{ data.comparison_sea.table_at_a_distance[sea3d / hard, least range m] }}"
     assert measured.rendered(quoted) == row[table["columns"].index("least range m")]
+    plans = "{{ data.comparison_sea.table_at_a_distance[sea3d / hard, plans] }}"
+    said = f"of\n{row[table['columns'].index('plans')]}\\. So"
+    assert measured.rendered(f"of\n{plans}. So") == said, "no list begins"
     peers = measured.read("shooting_peers")["tables"]["recorded_steps_case2_p_5_hard"]
     (row,) = (row for row in peers["rows"] if row[0] == "this package, held thrust")
     quoted = "{{ data.shooting_peers.recorded_steps_case2_p_5_hard[this package, held thrust, objective, mean] }}"
