@@ -64,6 +64,14 @@ def test_of_few_bearings_a_minority_of_suspects_is_left_out_and_a_majority_is_no
     assert bins.means().counts[1] == 3
 
 
+def test_of_three_bearings_the_one_far_from_the_median_is_left_out_though_nothing_suspects_it():
+    bins = BearingBins(1.0, 10.0, 0.1)
+    for k, bearing in enumerate([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0]]):
+        bins.append(0.1 * k, bearing, [0.0, 0.0])
+    assert bins.means().bearings[0] == pytest.approx([1.0, 0.0])
+    assert (bins.samples, bins.strays) == (3, 1)
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_of_many_bearings_those_far_from_their_median_are_left_out_wherever_it_lies(dimension):
     """A fifth is turned by 20 degrees; the own motion alone turns the bearing by twice that within a bin."""

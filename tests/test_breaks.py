@@ -33,10 +33,10 @@ def travelled(velocity, times, fine=100):
     return np.vstack([np.zeros(2), np.cumsum(moves, axis=0)])[::fine][: len(times)]
 
 
-def circled(target, times, radius=0.6):
-    """An own path round a target that follows it a second late, as a vehicle does, one turn a second."""
-    late = np.maximum(np.arange(len(times)) - 10, 0)
-    angle = 2.0 * np.pi * times
+def circled(target, times, radius=0.6, phase=0.0, samples=10):
+    """An own path round a target that follows it some samples late, as a vehicle does, one turn a second."""
+    late = np.maximum(np.arange(len(times)) - samples, 0)
+    angle = 2.0 * np.pi * times + phase
     return target[late] + radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
@@ -48,6 +48,23 @@ def errors(tracker, times, target, own, bearings=None):
         found.append(np.linalg.norm(tracker.predict(times[k : k + 1]).mean[0] - target[k]))
         sizes.append(len(tracker.window))
     return np.array(found), np.array(sizes)
+
+
+def sprint_on_a_sample(t):
+    """Away from a vehicle that is near, and so along the line of sight, where bearings show nothing of it."""
+    return np.array([1.2 if int(t // 4.0) % 2 else 0.2, 0.0])
+
+
+def test_a_corner_on_a_sample_and_along_the_line_of_sight_is_past_within_a_second():
+    times = 0.1 * np.arange(int(10 * DURATION))
+    target = travelled(sprint_on_a_sample, times)
+    for turn in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
+        own = circled(target, times, radius=0.05, phase=turn, samples=5)
+        found, sizes = errors(GaussianProcessTracker(2, breaks=True), times, target, own)
+        since = np.mod(times, 4.0)
+        assert found[times > 2.5].max() < 0.5
+        assert found[(times > 2.5) & (since > 0.8)].max() < 0.05, turn
+        assert np.sum(np.diff(sizes) < 0) == 3, "one cut at each corner"
 
 
 @pytest.mark.parametrize("velocity", [square, stop_and_go, sprint_and_drift])

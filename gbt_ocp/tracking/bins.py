@@ -59,7 +59,7 @@ class BinnedBearings:
         return BinnedBearings(*(values[mine] for values in vars(self).values()))
 
 
-ENOUGH = 4
+ENOUGH = 3
 """Bearings in a bin from which their median tells the strays among them; fewer are judged by a gate's word."""
 
 
@@ -93,7 +93,7 @@ class _Bin:
     @cached_property
     def kept(self) -> NDArray[np.bool_]:
         """Which samples count: those near the median, or of few those that are not suspected by a majority."""
-        if len(self.rows) >= ENOUGH:
+        if len(self.rows) >= ENOUGH and np.isfinite(self.stray):
             offsets = np.array(self.offsets)
             away = np.linalg.norm(offsets - np.median(offsets, axis=0), axis=1) * np.sqrt(self.weights)
             # no bearing lies halfway between two halves that disagree
@@ -131,7 +131,7 @@ class _Bin:
 class BearingBins:
     """Keeps the bins of the latest ``window`` seconds.
 
-    Stray bearings are left out of their bin's mean without a manoeuvre being rejected: of four or more bearings those
+    Stray bearings are left out of their bin's mean without a manoeuvre being rejected: of three or more bearings those
     further than ``stray`` from the median of the bin, wherever that lies; of fewer, those that a gate suspects, unless
     they are the majority.
 

@@ -3,7 +3,7 @@
 #include "gbt_math.h"
 
 #define D GBT_DIMENSION
-#define ENOUGH 4                       /* bearings in a bin from which their median tells the strays among them */
+#define ENOUGH 3                       /* bearings in a bin from which their median tells the strays among them */
 #define NO_DIRECTION ((gbt_real)1e-3)  /* length of a mean of bearings that are opposite */
 
 void gbt_bins_clear(gbt_bins *bins) { bins->count = bins->samples = 0; }
@@ -53,7 +53,7 @@ static void choose(const gbt_bins *bins, gbt_real stray, int *kept)
     gbt_real middle[GBT_AXES], away[GBT_BIN_SAMPLES], values[GBT_BIN_SAMPLES];
     int suspects = 0, some = 0;
     for (int k = 0; k < n; k++) suspects += bins->sample[k].suspect;
-    if (n < ENOUGH) {
+    if (n < ENOUGH || !isfinite(stray)) {
         for (int k = 0; k < n; k++) kept[k] = 2 * suspects > n || !bins->sample[k].suspect;
         return;
     }

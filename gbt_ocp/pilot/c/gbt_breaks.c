@@ -5,7 +5,7 @@
 #define D GBT_DIMENSION
 #define BROKEN ((gbt_real)1e4)      /* squared standardised innovation of a bearing that is not of the window's motion */
 #define FORESEEN ((gbt_real)1e3)    /* and of one that is */
-#define LEAST_STEP ((gbt_real)0.02) /* least deviation of the position at a break, m */
+#define LEAST_SPEED ((gbt_real)1)   /* least deviation of the position at a break over the sampling interval, m/s */
 #ifdef GBT_SINGLE
 #define ROUNDING ((gbt_real)1.4e-14) /* variance of a bearing that is rounded, rad^2 */
 #else
@@ -64,7 +64,7 @@ static gbt_real unforeseen(const gbt_real *mean, const gbt_real *covariance, gbt
 }
 
 int gbt_breaks_judge(gbt_break_watch *watch, const gbt_real *mean, const gbt_real *covariance, gbt_real noise,
-                     const gbt_real *bearing, const gbt_real *own, gbt_real *deviation)
+                     const gbt_real *bearing, const gbt_real *own, gbt_real elapsed, gbt_real *deviation)
 {
     gbt_real missed, largest = 0;
     const gbt_real square = unforeseen(mean, covariance, noise, bearing, own, &missed);
@@ -72,7 +72,7 @@ int gbt_breaks_judge(gbt_break_watch *watch, const gbt_real *mean, const gbt_rea
         watch->suspects = 0;
         if (!(square > BROKEN)) return 0;
         watch->count = 0;
-        *deviation = gbt_fmax(gbt_fmax(watch->missed, missed), LEAST_STEP);
+        *deviation = gbt_fmax(gbt_fmax(watch->missed, missed), LEAST_SPEED * elapsed);
         return 1;
     }
     for (int k = 0; k < watch->count; k++) largest = gbt_fmax(largest, watch->squares[k]);

@@ -24,9 +24,10 @@ void gbt_breaks_begin(gbt_break_watch *watch);
 
    mean, covariance   of the position at its time as the old motion has it, GBT_DIMENSION and its square
    noise              variance of a row of the window, m^2
-   bearing, own       the sample: unit vector and own position, GBT_DIMENSION each */
+   bearing, own       the sample: unit vector and own position, GBT_DIMENSION each
+   elapsed            time since the bearing before it, s */
 int gbt_breaks_judge(gbt_break_watch *watch, const gbt_real *mean, const gbt_real *covariance, gbt_real noise,
-                     const gbt_real *bearing, const gbt_real *own, gbt_real *deviation);
+                     const gbt_real *bearing, const gbt_real *own, gbt_real elapsed, gbt_real *deviation);
 
 GBT_END_C
 

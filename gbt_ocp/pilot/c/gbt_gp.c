@@ -182,8 +182,9 @@ static gbt_gp_taken judge(gbt_gp *process, const gbt_gp_settings *settings, gbt_
     gbt_real mean[D], covariance[D * D], deviation = 0;
     condition(process, settings, before);
     predict(process, before, sample->time, mean, covariance);
+    const gbt_real elapsed = process->breaks.suspects ? (gbt_real)(sample->time - process->suspect.time) : 0;
     if (gbt_breaks_judge(&process->breaks, mean, covariance, before->variance * before->nugget, sample->bearing, sample->own,
-                         &deviation)) {
+                         elapsed, &deviation)) {
         predict(process, before, process->suspect.time, mean, covariance);
         cut(process, settings, mean, deviation);
         return GBT_GP_BROKEN;

@@ -26,8 +26,12 @@ FORESEEN = 1.0e3
 BEFORE = 5
 """Bearings in a row that have to be foreseen before a break is one."""
 
-LEAST_STEP = 0.02
-"""Least standard deviation in metres of the position at a break."""
+LEAST_SPEED = 1.0
+"""Least standard deviation of what the target moves off its old motion in a sampling interval, over it, in m/s.
+
+The medians of the priors of amplitude and length scale. Across the line of sight the bearings show it; along it they
+show nothing, and a position that is believed too well there is explained by a motion that jitters.
+"""
 
 
 class Break(NamedTuple):
@@ -78,7 +82,7 @@ class BreakWatch:
             if square > BROKEN:
                 self._squares.clear()
                 mean = before.predict(np.array([when])).mean[0]
-                return Break(mean, max(missed, more, LEAST_STEP))
+                return Break(mean, max(missed, more, LEAST_SPEED * (time - when)))
             return None
         square, missed = _unforeseen(posterior, time, bearing, own)
         if len(self._squares) == BEFORE and max(self._squares) < FORESEEN and square > BROKEN:
