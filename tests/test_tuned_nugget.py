@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
+from test_noisy_gp import circling, drawn_target
 
-from gbt_ocp.models.bearings import unit_bearing
+from gbt_ocp.models.bearings import rotate_bearing, unit_bearing
+from gbt_ocp.tracking.gp import tuning
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
 from gbt_ocp.tracking.gp.kernels import KERNELS
 from gbt_ocp.tracking.gp.likelihood import LogLikelihood
@@ -92,3 +94,29 @@ def mean_error(tracker):
 def test_a_fixed_nugget_below_the_rounding_loses_the_forecast():
     """Why it is tuned: the same data with the nugget held where exact bearings would have it."""
     assert mean_error(fed(1e-2, nugget=1e-13)) > 0.1
+
+
+@pytest.mark.parametrize("noise", [1e-3, 3e-3, 1e-2])
+def test_where_bearings_are_explained_a_second_search_finds_nothing(monkeypatch, noise):
+    """Hyperparameters after every bearing, with the search that is left out where a first one needs no noise."""
+    searches, found = [], []
+
+    def counted(*arguments, search=tuning.maximise):
+        searches[-1] += 1
+        return search(*arguments)
+
+    monkeypatch.setattr(tuning, "maximise", counted)
+    times = 0.1 * np.arange(50)
+    for least in (tuning.TELLTALE, 1e-300):
+        monkeypatch.setattr(tuning, "TELLTALE", least)
+        rng, tracker = np.random.default_rng(300), GaussianProcessTracker(2)
+        target, own = drawn_target(rng, times, 2, length=1.0), circling(times, 2)
+        searches.append(0)
+        found.append([])
+        for k, t in enumerate(times):
+            bearing = rotate_bearing(unit_bearing(target[k], own[k]), noise * rng.standard_normal(1))
+            tracker.update(t, bearing, own[k])
+            theta = tracker.hyperparameters
+            found[-1].append([*theta.log_kernel, theta.log_amplitude, theta.nugget])
+    assert searches[0] < searches[1]
+    np.testing.assert_array_equal(*found)

@@ -14,7 +14,7 @@ from gbt_ocp.ocp.codegen.library import c_texts, kernel_files
 from gbt_ocp.pilot.mixture_source import first_guess_in_c, held_turn_in_c, known_position, mixture_in_c, size_in_c
 from gbt_ocp.tracking.filters.ekf import ExtendedKalmanFilter, FirstGuess
 from gbt_ocp.tracking.gp.gp import GaussianProcessTracker
-from gbt_ocp.tracking.gp.tuning import EXACT
+from gbt_ocp.tracking.gp.tuning import EXACT, TELLTALE
 from gbt_ocp.tracking.held.held_turn import HeldTurnTracker
 from gbt_ocp.tracking.mixture import MixtureTracker
 from gbt_ocp.tracking.priors import LogNormal
@@ -188,6 +188,7 @@ def _process(tracker: GaussianProcessTracker) -> TrackerInC:
         "smooth": smooth,
         "exact": math.log(EXACT),
         "suspect": tuning.suspect,
+        "telltale": math.log(TELLTALE),
     }
     settings = {
         "on_vehicle": int(on_vehicle),

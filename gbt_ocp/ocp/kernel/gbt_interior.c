@@ -12,6 +12,7 @@
 #define ARMIJO ((gbt_real)1e-4)
 #define SHORTEST ((gbt_real)1e-10)      /* step at which the line search gives up */
 #define FEWEST ((gbt_real)40)           /* sides of a piece among which the gap is shared, at least */
+#define CORRECTABLE ((gbt_real)10)      /* slopes by which a full step may miss the merit before it to be corrected */
 #define NEAR_ENOUGH ((gbt_real)20)     /* error over mu at which mu is lowered */
 #define DELTA_FIRST ((gbt_real)1e-5)    /* first regularisation of an indefinite Hessian */
 #define DELTA_LAST ((gbt_real)1e12)
@@ -135,14 +136,14 @@ static gbt_real merit_after(gbt_workspace *work, gbt_real mu, gbt_real alpha)
 /* What rounding leaves unknown of a merit. */
 static gbt_real noise_of(gbt_real merit) { return 10 * GBT_EPSILON * (1 + gbt_fabs(merit)); }
 
-/* The full step, or the full corrected step, or a part of the step that decreases the merit, of which the slope along the
+/* The full step, or the full corrected step where the full one does not miss by far, or a part of the step that decreases the merit, of which the slope along the
    step is given; returns the part, 0 if there is none, and the merit there. */
 static gbt_real search(gbt_workspace *work, gbt_real mu, gbt_real slope, gbt_real *merit)
 {
     const gbt_real before = *merit, noise = noise_of(before);
     *merit = merit_after(work, mu, 1);
     if (*merit <= before + ARMIJO * slope + noise) return 1;
-    if (*merit < GBT_INFINITY) {
+    if (*merit - before < CORRECTABLE * -slope) {
         gbt_correct(work, mu);
         find_step(work);
         *merit = merit_after(work, mu, 1);

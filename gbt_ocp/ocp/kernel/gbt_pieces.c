@@ -251,10 +251,11 @@ static inline void sum_up(const gbt_real *entry, int points, const gbt_real *sec
 
 /* Curvatures are symmetric matrices over the numbers of a point, of which some entries of the lower triangle are given.
    Derivative l at the beginning of the piece is s^(l-o) / (l-o)! of derivative o at a point s seconds into it. So all that
-   the matrix of the piece, of which the lower triangle is filled, needs of an entry is its sum over the points times s^0,
-   s^1, ..., as far as there are derivatives. */
+   the matrix of the piece needs of an entry is its sum over the points times s^0, s^1, ..., as far as there are
+   derivatives. An entry is added on one side of the diagonal or on both, as its numbers lie: the matrix is what is filled
+   here plus its transpose. */
 static void add_entry(int row, int column, const gbt_real *first, int points, const gbt_real *seconds,
-                      const gbt_real *over_factorial, gbt_real matrix[GBT_PIECE][GBT_PIECE])
+                      gbt_real over_factorials[GBT_DERIVATIVES][GBT_DERIVATIVES], gbt_real matrix[GBT_PIECE][GBT_PIECE])
 {
     const int up = later(row / GBT_FLAT), across = later(column / GBT_FLAT), count = up + across - 1;
     gbt_real sum[POWERS];
@@ -267,17 +268,11 @@ static void add_entry(int row, int column, const gbt_real *first, int points, co
     case 5: sum_up(first, points, seconds, 5, sum); break;
     default: sum_up(first, points, seconds, count, sum);
     }
+    if (row == column) /* both sides are one */
+        for (int d = 0; d < count; d++) sum[d] /= 2;
     for (int i = 0; i < up; i++) {
-        const int to = number_above(row, i);
-        /* of an entry on the diagonal both sides are one */
-        for (int k = 0; k < (row == column ? i + 1 : across); k++) {
-            const int from = number_above(column, k);
-            const gbt_real part = over_factorial[i] * over_factorial[k] * sum[i + k];
-            if (to > from)
-                matrix[to][from] += part;
-            else
-                matrix[from][to] += to == from && row != column ? 2 * part : part;
-        }
+        gbt_real *to = matrix[number_above(row, i)];
+        for (int k = 0; k < across; k++) to[number_above(column, k)] += over_factorials[i][k] * sum[i + k];
     }
 }
 
@@ -285,18 +280,21 @@ void gbt_assemble(gbt_workspace *work)
 {
     static const gbt_real period = GBT_PERIOD;
     gbt_real end[GBT_POINT], entry[GBT_NODES_MOST][GBT_ENTRIES], weights[2 * GBT_ROWS], (*place)[GBT_PLACE] = work->place;
-    gbt_real seconds[GBT_NODES_MOST], over_factorial[GBT_ORDERS], weight[GBT_TERMS];
+    gbt_real seconds[GBT_NODES_MOST], over_factorial[GBT_ORDERS], over_factorials[GBT_DERIVATIVES][GBT_DERIVATIVES];
+    gbt_real weight[GBT_TERMS];
     const gbt_real *lambda = work->lambda, *sigma = work->sigma, *jacobian = work->jacobian;
     for (int k = 0; k < GBT_TERMS; k++) weight[k] = -work->worth[k];
     gbt_taylor(1, over_factorial);
+    for (int l = 0; l < GBT_DERIVATIVES; l++)
+        for (int o = 0; o < GBT_DERIVATIVES; o++) over_factorials[l][o] = over_factorial[l] * over_factorial[o];
     for (int i = 0; i < work->pieces; i++, place += PLACES) {
         gbt_real (*matrix)[GBT_PIECE] = work->curvature[i];
         for (int a = 0; a < GBT_PIECE; a++)
-            for (int c = 0; c <= a; c++) matrix[a][c] = 0;
+            for (int c = 0; c < GBT_PIECE; c++) matrix[a][c] = 0;
         point_at(work->piece[i], at_end, end);
         gbt_objective.hessian(end, work->parameters + i * GBT_END_NUMBERS, weight, entry[0]);
         for (int a = 0; a < gbt_objective.hessian_entries; a++)
-            add_entry(gbt_objective.hessian_row[a], gbt_objective.hessian_column[a], &entry[0][a], 1, &period, over_factorial,
+            add_entry(gbt_objective.hessian_row[a], gbt_objective.hessian_column[a], &entry[0][a], 1, &period, over_factorials,
                       matrix);
         for (int q = 0; q < GBT_LIMITS; q++) {
             const gbt_limit *limit = &gbt_limits[q];
@@ -312,10 +310,10 @@ void gbt_assemble(gbt_workspace *work)
             }
             for (int a = 0; a < limit->curvature_entries; a++)
                 add_entry(limit->curvature_row[a], limit->curvature_column[a], &entry[0][a], limit->nodes, seconds,
-                          over_factorial, matrix);
+                          over_factorials, matrix);
         }
         for (int a = 0; a < GBT_PIECE; a++)
-            for (int c = 0; c < a; c++) matrix[c][a] = matrix[a][c];
+            for (int c = 0; c <= a; c++) matrix[a][c] = matrix[c][a] = matrix[a][c] + matrix[c][a];
     }
 }
 

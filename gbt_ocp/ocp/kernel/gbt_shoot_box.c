@@ -23,6 +23,8 @@
 #define DELTA_LEAST ((gbt_real)1e-6)   /* less is none */
 #define DELTA_BENT ((gbt_real)1)       /* more, and the dynamics lose their second derivatives */
 #define DELTA_MOST ((gbt_real)1e8)
+#define GAIN ((gbt_real)1e-6)          /* of an iteration over the objective, less than which tells of a flat valley: */
+#define NEAR 10                        /* there so many tolerances do, since whole inputs lie between equal objectives */
 #define RAISE 8  /* where no part of a step does */
 #define MORE 4   /* where a short one does */
 #define LOWER 20 /* where the whole step does */
@@ -288,7 +290,7 @@ static int others_are_kept(const gbt_settings *settings, gbt_workspace *work)
 gbt_status gbt_minimise_in_box(const gbt_settings *settings, int iterations, gbt_workspace *work, gbt_result *result)
 {
     const int last = result->iterations + iterations;
-    gbt_real delta = 0;
+    gbt_real delta = 0, gained = GBT_INFINITY;
     if (work->tightening[GBT_BOX] > 0) return GBT_ITERATION_LIMIT; /* the bounds are those of all pieces */
     find_bounds(work);
     work->f = follow(work, work->piece, 0);
@@ -297,13 +299,14 @@ gbt_status gbt_minimise_in_box(const gbt_settings *settings, int iterations, gbt
     for (;; result->iterations++) {
         result->residual = differentiate(work);
         if (isnan(result->residual)) return GBT_ITERATION_LIMIT;
-        if (result->residual <= settings->tolerance)
+        if (result->residual <= settings->tolerance * (gained < GAIN * (1 + gbt_fabs(work->f)) ? NEAR : 1))
             return others_are_kept(settings, work) ? GBT_SOLVED : GBT_LIMIT_VIOLATED;
         if (result->iterations >= last) return GBT_ITERATION_LIMIT;
         gbt_bend_motion(work);
         if (!improve(work, &delta)) return GBT_ITERATION_LIMIT;
         for (int i = 0; i <= work->pieces; i++)
             for (int a = 0; a < GBT_PIECE; a++) work->piece[i][a] = work->trial[i][a];
+        gained = work->f - work->f_trial;
         work->f = work->f_trial;
     }
 }

@@ -3,11 +3,18 @@
 #include "gbt_math.h"
 
 #define BLOCK 64 /* sides of a piece that are taken together, so that the compiler can do several at once */
+/* Sides whose factors are multiplied at once, a divisor of BLOCK, and two to the EXPONENT, up to which a product of all
+   may go: it times such a product, which may go up to its square, is still a number. */
 #ifdef GBT_SINGLE
-#define TOGETHER 2 /* sides of one logarithm */
+#define TOGETHER 2
+#define EXPONENT 35
+#define EDGE ((gbt_real)0x1p35)
 #else
 #define TOGETHER 8
+#define EXPONENT 340
+#define EDGE ((gbt_real)0x1p340)
 #endif
+#define LOG_TWO ((gbt_real)0.6931471805599453)
 #define LIFT ((gbt_real)0.3) /* first multiplier of a violated side: small, however much it is violated */
 
 /* All sides of the part of the horizon that is solved: k is the number of one, and j that within its piece. */
@@ -41,34 +48,40 @@ static inline gbt_real dlambda_of(const gbt_workspace *work, int k)
 }
 
 /* The cost at the values y of the sides after a step alpha of e. Since s t = m (s + t), the barrier is mu times the
-   logarithm of the product of all s + t, which is taken of some factors together: that of so many neither overflows nor
-   vanishes. */
+   logarithm of the product of all s + t. That of some factors together neither overflows nor vanishes; of that of all,
+   powers of two are counted apart. */
 static gbt_real cost_of(const gbt_workspace *work, const gbt_real *y, gbt_real mu, gbt_real alpha)
 {
-    gbt_real sum = 0, logarithms = 0, s[BLOCK], both[BLOCK];
+    gbt_real sum = 0, product = 1, scales = 0, s[BLOCK], both[BLOCK];
     for (int piece = 0; piece < work->count; piece += GBT_SIDES_OF_PIECE)
         for (int first = 0; first < GBT_SIDES_OF_PIECE; first += BLOCK) {
             const int count = GBT_SIDES_OF_PIECE - first < BLOCK ? GBT_SIDES_OF_PIECE - first : BLOCK;
-            const gbt_real *c = work->c + first;
-            for (int b = 0, j = first, k = piece + first; b < count; b++, j++, k++) {
+            const gbt_real *c = work->c + first, *width = work->width + first;
+            for (int b = 0, k = piece + first; b < count; b++, k++) {
                 gbt_real t;
-                both[b] = split(y[k] + work->width[j] - e_after(work, k, alpha), mu * work->inverse[j], &s[b], &t);
+                both[b] = split(y[k] + width[b] - e_after(work, k, alpha), mu * work->inverse[first + b], &s[b], &t);
             }
-            for (int b = 0; b < count;) {
-                gbt_real product = 1;
-                for (const int end = b + TOGETHER < count ? b + TOGETHER : count; b < end; b++) {
-                    product *= both[b];
-                    sum += c[b] * s[b];
+            for (int b = 0, k = piece + first; b < count; b++, k++) {
+                const gbt_real e = e_after(work, k, alpha);
+                sum += c[b] * s[b];
+                if (GBT_SOFT && width[b] > 0) sum += c[b] * e * e / (4 * width[b]);
+            }
+            for (int b = count; b % TOGETHER != 0; b++) both[b] = 1;
+            for (int b = 0; b < count; b += TOGETHER) {
+                gbt_real part = both[b];
+                GBT_UNROLLED
+                for (int a = 1; a < TOGETHER; a++) part *= both[b + a];
+                product *= part;
+                if (product < 1 / EDGE) {
+                    product *= EDGE * EDGE;
+                    scales--;
+                } else if (product > EDGE) {
+                    product /= EDGE * EDGE;
+                    scales++;
                 }
-                logarithms += gbt_log(product);
             }
         }
-    if (GBT_SOFT)
-        FOR_ALL_SIDES(work) {
-            const gbt_real w = work->width[j], e = e_after(work, k, alpha);
-            if (w > 0) sum += work->c[j] * e * e / (4 * w);
-        }
-    return sum - mu * logarithms;
+    return sum - mu * (gbt_log(product) + scales * (2 * EXPONENT * LOG_TWO));
 }
 
 /* s and t for work->y and work->e. */

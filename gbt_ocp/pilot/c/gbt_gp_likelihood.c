@@ -268,7 +268,7 @@ void gbt_gp_tune(const gbt_tuning *tuning, const gbt_gp_rows *rows, gbt_gp_tunin
     for (int p = 0; p < P; p++) some = some || tuning->high[p] > low_of(tuning, p);
     if (!some) return;
     const gbt_real found = maximise(tuning, rows, work, -GBT_INFINITY, log_theta);
-    if (!GBT_TUNED_NUGGET || log_theta[0] > tuning->suspect) return;
+    if (!GBT_TUNED_NUGGET || log_theta[0] > tuning->suspect || log_theta[P - 1] < tuning->telltale) return;
     /* Noise can be taken for a motion that jitters, and no local search leaves that: try the other start too. */
     for (int p = 0; p < P; p++) smooth[p] = tuning->smooth[p];
     if (!(maximise(tuning, rows, work, tuning->exact, smooth) > found)) return;

@@ -28,6 +28,7 @@ typedef struct {
     gbt_real first[GBT_TUNABLE], smooth[GBT_TUNABLE];  /* where a search begins, and one for a smooth motion with noise */
     gbt_real exact;   /* logarithm of the nugget below which the second tells of no noise */
     gbt_real suspect; /* logarithm of the length scale below which it is suspected of telling noise */
+    gbt_real telltale; /* logarithm of the nugget below which it is not, however short */
 } gbt_tuning;
 
 /* The lower triangle of the covariance of the rows under log theta, with the nugget that belongs to it, and where they are

@@ -4,6 +4,8 @@
 #ifndef GBT_WIDE_H
 #define GBT_WIDE_H
 
+#include <stdint.h>
+
 #include "gbt_math.h"
 
 GBT_BEGIN_C
@@ -97,6 +99,16 @@ static inline gbt_wide gbt_gather(gbt_wide c, gbt_wide a, gbt_wide b)
 
 static inline gbt_wide gbt_gathered(gbt_wide a) { return gbt_sum_of(a.high, a.low); }
 
+/* 2 to the n from -126 to 127, by the bits of a float, which are its sign, eight of the exponent and the rest. */
+static inline gbt_real gbt_power_of_two(int n)
+{
+    const union {
+        uint32_t bits;
+        float number;
+    } power = {(uint32_t)(n + 127) << 23};
+    return power.number;
+}
+
 /* e^a: an eighth power of two from a table times Taylor's series of what is left, below 0.044, of which the terms from the
    fifth on are so small that float does for them. */
 static inline gbt_wide gbt_wide_exp(gbt_wide a)
@@ -118,7 +130,7 @@ static inline gbt_wide gbt_wide_exp(gbt_wide a)
     sum = gbt_more(gbt_widen(0.5f), part, sum);
     sum = gbt_more(gbt_widen(1), part, sum);
     sum = gbt_more(power[eighth], power[eighth], gbt_times(part, sum));
-    const gbt_real scale = ldexpf(1, (whole - eighth) / 8);
+    const gbt_real scale = gbt_power_of_two((whole - eighth) / 8);
     sum.high *= scale;
     sum.low *= scale;
     return sum;

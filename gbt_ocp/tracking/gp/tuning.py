@@ -16,6 +16,11 @@ Bounds = tuple[float, float]
 SHORT = -1.0
 """Logarithm of the share of its prior median below which a length scale is suspected of telling noise."""
 
+TELLTALE = 1.0e-12
+"""Nugget below which it is not: the motion explains the bearings as far as rounding lets it. Of ten thousand second
+searches on drawn motions with bearings or positions that were noisy or rounded, 160 found something likelier, none of
+seven thousand from below."""
+
 NOISY = 1.0e-4
 """Nugget from which the search for a smooth motion with noise starts."""
 
@@ -115,7 +120,7 @@ class IsotropicTuning:
         likelihood = LogLikelihood(self._kernel, measurements, centre, self._nugget)
         warm = maximise(likelihood, self._log_theta, self._bounds, self._priors)
         self._log_theta = warm
-        if self._nugget is not None or warm[0] > self.suspect:
+        if self._nugget is not None or warm[0] > self.suspect or warm[-1] < np.log(TELLTALE):
             return
         # Noise can be taken for a motion that jitters, and no local search leaves that: try the other start too.
         smooth = maximise(likelihood, self._smooth, self._bounds, self._priors, EXACT)
