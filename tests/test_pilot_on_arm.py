@@ -45,20 +45,8 @@ def steps_on_the_board(place, name, change, commands, precision, flags=()):
     return recording, arrays, sizes
 
 
-PRECISE = [pytest.param(*case.values, precision, marks=case.marks) for case in CASES for precision in UNITS]
-FAR_OFF = pytest.mark.xfail(
-    strict=True,
-    reason="in case 5 a forecast hangs on digits of exact bearings that float does not hold: docs/howto/vehicle.md",
-)
-
-
-@pytest.mark.parametrize(
-    ("name", "change", "commands", "precision"),
-    [
-        pytest.param(*one.values, marks=[*one.marks, FAR_OFF] if one.values[::3] == ("case5", "single") else one.marks)
-        for one in PRECISE
-    ],
-)
+@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize(("name", "change", "commands"), CASES)
 def test_commands_on_a_microcontroller_are_those_of_python(tmp_path, name, change, commands, precision):
     recording, steps, sizes = steps_on_the_board(tmp_path, name, change, commands, precision)
     assert len(steps["time"]) == recording.commands >= commands

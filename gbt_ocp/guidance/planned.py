@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -13,6 +14,7 @@ from gbt_ocp.guidance.others import OtherVehicles
 from gbt_ocp.guidance.pacing import PacedBearing
 from gbt_ocp.guidance.past import PastBearings
 from gbt_ocp.guidance.swept import DesiredTurn, SweptBearing
+from gbt_ocp.models.bearings import inner
 from gbt_ocp.models.sizes import at_least
 from gbt_ocp.ocp.binding import Binding
 from gbt_ocp.ocp.plan import Plan, ShootingPlan
@@ -192,7 +194,7 @@ class PlannedMotion:
         """Turn the desired bearing to where a plan begins."""
         line = forecast.mean[0] - flat[0, : forecast.mean.shape[1]]
         if isinstance(self.desired, PacedBearing):
-            self.desired.pace(time, float(np.linalg.norm(line)))
+            self.desired.pace(time, math.sqrt(inner(line, line)))
         elif self._begin_at_sight:
             if not self._legs_begun:
                 self._legs_begun = True

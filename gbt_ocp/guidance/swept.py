@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gbt_ocp.guidance.pacing import PacedBearing, horizontal_radius
-from gbt_ocp.models.bearings import DesiredBearing
+from gbt_ocp.models.bearings import DesiredBearing, inner
 from gbt_ocp.models.sizes import positive
 from gbt_ocp.typing import Array
 
@@ -90,14 +90,14 @@ class SweptBearing:
         if self.turn.reverse >= period:
             forth = np.where(np.abs(forth) < 1.0 - WITHIN, np.copysign(1.0, forth), forth)
         forth *= math.copysign(1.0, self.turn.rate)
-        radius = max(horizontal_radius(self.turn.dimension, float(np.linalg.norm(line))), NEAREST_LINE)
+        radius = max(horizontal_radius(self.turn.dimension, math.sqrt(inner(line, line))), NEAREST_LINE)
         reach, angle = self.speed * period, self.turn.angle(line)
         angles = [angle]
         for sense, moved in zip(forth, np.diff(target, axis=0), strict=True):
             along = self.turn.in_plane(moved)
-            across = float(np.cos(angle) * along[1] - np.sin(angle) * along[0])
-            left = reach**2 - (float(moved @ moved) - across**2)
-            angle += (sense * math.sqrt(max(left, (LEAST_ACROSS * reach) ** 2)) + across) / radius
+            across = math.cos(angle) * along[1] - math.sin(angle) * along[0]
+            left = reach**2 - (inner(moved, moved) - across**2)
+            angle += float(sense * math.sqrt(max(left, (LEAST_ACROSS * reach) ** 2)) + across) / radius
             angles.append(angle)
         return replace(self, times=knots, angles=np.array(angles))
 

@@ -77,6 +77,18 @@ def tangent_basis(bearing: ArrayLike) -> Array:
     return np.stack([first, second], axis=-1)
 
 
+def inner(first: ArrayLike, second: ArrayLike) -> float:
+    """Inner product of two vectors ``(d,)``, summed from the first component on and without fused products.
+
+    So it is to the last bit that of the generated C. Where two plans are about equally good the last bit decides, and a
+    matrix product of numpy differs in it from processor to processor.
+    """
+    total = 0.0
+    for a, b in zip(np.asarray(first, dtype=float).tolist(), np.asarray(second, dtype=float).tolist(), strict=True):
+        total += a * b
+    return total
+
+
 def rotate_bearing(bearing: ArrayLike, angle: ArrayLike) -> Array:
     """Turn a bearing by a rotation given in its tangent plane: how noise and outliers act on a bearing.
 
@@ -204,14 +216,20 @@ class DesiredBearing:
         return self.direction(self.phase + self.rate * self.turned(times))
 
     def direction(self, angle: ArrayLike) -> Array:
-        """Bearings ``(..., d)`` at angles ``(...)`` on the circle, in radians."""
+        """Bearings ``(..., d)`` at angles ``(...)`` on the circle, in radians; to the last bit those of the C."""
         angle = np.asarray(angle, dtype=float)
-        circle = np.empty((*angle.shape, 2))
-        circle[..., 0], circle[..., 1] = np.cos(angle), np.sin(angle)
+        # numpy's sine is not the C library's on every processor
+        circle = np.array([(math.cos(one), math.sin(one)) for one in angle.ravel().tolist()]).reshape(*angle.shape, 2)
         if self.dimension == 2:
             return circle
+        axis, basis = self._axis_and_basis()
+        level = circle[..., :1] * basis[:, 0] + circle[..., 1:] * basis[:, 1]
+        return np.asarray(math.sqrt(3.0) / 3.0 * axis + math.sqrt(6.0) / 3.0 * level)
+
+    def _axis_and_basis(self) -> tuple[Array, Array]:
+        """The axis in space, normalised, and the basis of the plane across it."""
         axis = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
-        return np.asarray(np.sqrt(3.0) / 3.0 * axis + np.sqrt(6.0) / 3.0 * circle @ tangent_basis(axis).T)
+        return axis, tangent_basis(axis)
 
     def turned(self, times: ArrayLike) -> Array:
         """Seconds of turning at the times ``(...)`` in seconds: those forth, from zero, less those back.
@@ -251,10 +269,10 @@ class DesiredBearing:
         """Components ``(2,)`` of a direction ``(d,)`` in the plane of the circle."""
         b = np.asarray(direction, dtype=float)
         if self.dimension == 3:
-            b = tangent_basis(np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)).T @ b
+            b = np.array([inner(axis, b) for axis in self._axis_and_basis()[1].T])
         return b
 
     def angle(self, bearing: ArrayLike) -> float:
         """On the circle, in radians, of the point nearest to a bearing ``(d,)``."""
-        x, y = self.in_plane(bearing)
-        return float(np.arctan2(y, x))
+        x, y = self.in_plane(bearing).tolist()
+        return math.atan2(y, x)
