@@ -94,7 +94,7 @@ def held_against(name, count, seed):
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["hard", "penalty"])
 def test_the_ladder_takes_the_steps_of_the_generated_c(name):
-    words, different = held_against(name, 60, 4)
+    words, different = held_against(name, 60, 6)
     assert ("given up", "") in words
     assert ("solved", "") in words
     assert different == 0

@@ -17,7 +17,7 @@ pytestmark = NEEDED
 
 CASES = [
     pytest.param("case2", "seed=0", 30, marks=pytest.mark.long),
-    pytest.param("case5", "seed=0", 60, marks=pytest.mark.slow),
+    pytest.param("case5", "seed=0", 50, marks=pytest.mark.slow),
     pytest.param("sea2d", "seed=0", 100, marks=pytest.mark.slow),
     pytest.param("sea2d", "tracker.kind=ekf", 100, marks=pytest.mark.slow),
     pytest.param("sea2d", "tracker.kind=motion_gp", 100, marks=pytest.mark.slow),

@@ -22,6 +22,7 @@ from gbt_ocp.pilot.compiled_ekf import KINDS_IN_C
 from gbt_ocp.pilot.own_track import Received
 from gbt_ocp.pilot.pilot_health import NOTES
 from gbt_ocp.pilot.piloting import Piloting
+from gbt_ocp.pilot.skeleton import Skeleton
 from gbt_ocp.simulation.closed_loop import ClosedLoop
 from gbt_ocp.simulation.loop import step_count
 from gbt_ocp.simulation.mover import Mover
@@ -54,9 +55,9 @@ class RecordedPilot:
     """Calls of a pilot in closed loop, and the plans that it made.
 
     Where two plans are about equally good, the last bit decides between them, and the two loops part. So the C goes on
-    from Python's plan after each command, and how near it has to come to a command follows from two further pilots,
-    which are given inputs that rounding might have changed, and remember what the first does. Commands that these
-    change visibly are not compared.
+    from Python's plan after each command, and how near it has to come to a command follows from two further pilots.
+    These are given inputs that rounding might have changed, and go on from the first one's plans with what their own
+    trackers remember, as another C library would have it. Commands that these change visibly are not compared.
 
     Parameters
     ----------
@@ -77,6 +78,9 @@ class RecordedPilot:
         loop, start = build_loop(configuration)
         self._loop = loop
         self._pilots = [Piloting(build_pilot(configuration)) for _ in (0.0, *SHAKEN_BY)]
+        self._plans_of = [Skeleton() for _ in self._pilots]
+        for skeleton, pilot in zip(self._plans_of, self._pilots, strict=True):
+            skeleton.explore(pilot.parts.guidance)
         self._rng = np.random.default_rng(0)
         self._sensors = {name: number for number, name in enumerate(self._pilots[0].parts.sensors)}
         self._underway: list[Measurement] = []
@@ -153,9 +157,9 @@ class RecordedPilot:
     def _commanded(self, time: float) -> Array:
         """The thrust that is asked for at a time ``(m,)``."""
         command, *others = (pilot.command(time) for pilot in self._pilots)
-        memory = self._pilots[0].skeleton.taken()
-        for pilot in self._pilots[1:]:
-            pilot.skeleton.put_back(memory)
+        memory = self._plans_of[0].taken()
+        for skeleton in self._plans_of[1:]:
+            skeleton.put_back(memory)
         thrust, *changed = (np.asarray(one.thrust, dtype=float) for one in (command, *others))
         moved = float((np.abs(changed - thrust).max(axis=0) / self._loop.vehicle.thrust_max).max())
         steady = moved <= STEADY and all(one.health.notes == command.health.notes for one in others)
