@@ -78,9 +78,9 @@ class RecordedPilot:
         loop, start = build_loop(configuration)
         self._loop = loop
         self._pilots = [Piloting(build_pilot(configuration)) for _ in (0.0, *SHAKEN_BY)]
-        self._plans_of = [Skeleton() for _ in self._pilots]
-        for skeleton, pilot in zip(self._plans_of, self._pilots, strict=True):
-            skeleton.explore(pilot.parts.guidance)
+        self._guidances = [Skeleton() for _ in self._pilots]
+        for guidance, pilot in zip(self._guidances, self._pilots, strict=True):
+            guidance.explore(pilot.parts.guidance)
         self._rng = np.random.default_rng(0)
         self._sensors = {name: number for number, name in enumerate(self._pilots[0].parts.sensors)}
         self._underway: list[Measurement] = []
@@ -157,9 +157,9 @@ class RecordedPilot:
     def _commanded(self, time: float) -> Array:
         """The thrust that is asked for at a time ``(m,)``."""
         command, *others = (pilot.command(time) for pilot in self._pilots)
-        memory = self._plans_of[0].taken()
-        for skeleton in self._plans_of[1:]:
-            skeleton.put_back(memory)
+        memory = self._guidances[0].taken()
+        for guidance in self._guidances[1:]:
+            guidance.put_back(memory)
         thrust, *changed = (np.asarray(one.thrust, dtype=float) for one in (command, *others))
         moved = float((np.abs(changed - thrust).max(axis=0) / self._loop.vehicle.thrust_max).max())
         steady = moved <= STEADY and all(one.health.notes == command.health.notes for one in others)

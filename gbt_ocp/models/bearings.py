@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -222,12 +223,13 @@ class DesiredBearing:
         circle = np.array([(math.cos(one), math.sin(one)) for one in angle.ravel().tolist()]).reshape(*angle.shape, 2)
         if self.dimension == 2:
             return circle
-        axis, basis = self._axis_and_basis()
+        axis, basis = self._axis_and_basis
         level = circle[..., :1] * basis[:, 0] + circle[..., 1:] * basis[:, 1]
         return np.asarray(math.sqrt(3.0) / 3.0 * axis + math.sqrt(6.0) / 3.0 * level)
 
+    @cached_property
     def _axis_and_basis(self) -> tuple[Array, Array]:
-        """The axis in space, normalised, and the basis of the plane across it."""
+        """The axis in space, normalised, and the basis of the plane across it; every piece of a plan asks for them."""
         axis = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
         return axis, tangent_basis(axis)
 
@@ -269,7 +271,7 @@ class DesiredBearing:
         """Components ``(2,)`` of a direction ``(d,)`` in the plane of the circle."""
         b = np.asarray(direction, dtype=float)
         if self.dimension == 3:
-            b = np.array([inner(axis, b) for axis in self._axis_and_basis()[1].T])
+            b = np.array([inner(column, b) for column in self._axis_and_basis[1].T])
         return b
 
     def angle(self, bearing: ArrayLike) -> float:
