@@ -23,9 +23,6 @@ from gbt_ocp.ocp.shooting import ShootingPlanner
 from gbt_ocp.tracking.protocol import Forecast
 from gbt_ocp.typing import Array
 
-CROSS_AGAIN = 1.6
-"""Factor on the deviation at which a vehicle that planned already crosses again."""
-
 OBSERVED = 0.25
 """Deviation of the range over it below which what is believed of the range is more than its prior."""
 
@@ -47,7 +44,8 @@ class Crossing:
     """When to cross the line of sight, and how fast.
 
     It begins in the sense in which the desired bearing turns, and reverses after every leg. As seen from the target the
-    vehicle moves against the turn of the bearing.
+    vehicle moves against the turn of the bearing. It begins again whenever the range is no longer known: plans that are
+    to keep a distance which is believed so badly lead away along the line of sight, and nothing more is learnt.
 
     Attributes
     ----------
@@ -96,7 +94,7 @@ class Crossing:
         distance = float(np.linalg.norm(line))
         sight = line / distance if distance > 0.0 else np.eye(d)[0]
         spread = float(np.sqrt(max(sight @ np.nan_to_num(covariance, nan=0.0) @ sight, 0.0)))
-        self.known = spread < (CROSS_AGAIN if self.known else 1.0) * self.deviation * distance
+        self.known = spread < self.deviation * distance
         if self.known:
             self.crossing = False
             return None

@@ -4,7 +4,6 @@
 #include "gbt_thrust.h"
 
 #define D GBT_DIMENSION
-#define LOST ((gbt_real)1.6)      /* factor on the deviation at which a vehicle that planned already crosses again */
 #define OBSERVED ((gbt_real)0.25) /* deviation over the range below which what is believed of it is more than its prior */
 #define SPREADS 2                 /* deviations by which a believed range has to be above the nearest one */
 #define CLEARED 10                /* time within which a vehicle that is nearer than that goes to be clear, s */
@@ -89,7 +88,7 @@ gbt_startup_status gbt_startup_velocity(gbt_startup *startup, gbt_real time, con
     for (int p = 0; p < D; p++)
         for (int q = 0; q < D; q++) variance += sight[p] * covariance[p * D + q] * sight[q];
     const gbt_real spread = variance > 0 ? gbt_sqrt(variance) : 0;
-    startup->known = spread < (known ? LOST : 1) * startup->deviation * distance;
+    startup->known = spread < startup->deviation * distance;
     if (startup->known) {
         startup->crossing = 0;
         return known ? GBT_STARTUP_PLAN : GBT_STARTUP_RESTART;
