@@ -114,8 +114,11 @@ def settling(inherited: Array, first: int, aim: ArrayLike, period: float) -> Arr
     if not len(chain):
         return np.asarray(aim, dtype=float)
     chain[0] -= aim
-    powers = float(period) ** np.arange(len(chain), 0, -1)
-    return np.asarray(-(np.array(SETTLING_GAINS[len(chain) - 1]) / powers) @ chain)
+    lowest = np.zeros(chain.shape[1])
+    # in the order of the kernel: the last bits of a guess decide between equal plans
+    for below, (gain, link) in enumerate(zip(SETTLING_GAINS[len(chain) - 1], chain, strict=True)):
+        lowest -= gain * link / float(period) ** (len(chain) - below)
+    return lowest
 
 
 def led_back(off: Array, top: Array, period: float) -> Array:
