@@ -76,7 +76,7 @@ class Step:
     current: Current | None = None
     heard: tuple[int, int] = (0, 0)
 
-    @property
+    @cached_property
     def plan(self) -> Plan | ShootingPlan | None:
         """The plan, if the guidance made one."""
         return self.decision if isinstance(self.decision, Plan | ShootingPlan) else None

@@ -64,9 +64,10 @@ def take_in(tracker: Any, sighting: Sighting) -> None:
             f"kind: found '{sighting.kind}'; {type(tracker).__name__.removeprefix('Compiled')} takes {', '.join(kinds)}"
         )
     silent = sighting.kind in BEARINGS and is_bearing(sighting) and bool(np.all(np.isnan(sighting.std)))
-    if isinstance(tracker, SightingTracker) and (not silent or getattr(tracker, "takes_unstated", False)):
+    # isinstance with a protocol takes as long as a step of a cheap tracker, so it is asked last
+    if (not silent or getattr(tracker, "takes_unstated", False)) and isinstance(tracker, SightingTracker):
         tracker.take(sighting)
-    elif isinstance(tracker, PositionTracker):
+    elif sighting.kind == "position" and isinstance(tracker, PositionTracker):
         tracker.update_position(sighting.time, sighting.value)
     else:
         tracker.update(sighting.time, sighting.bearing, sighting.position)
