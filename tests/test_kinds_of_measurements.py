@@ -9,6 +9,7 @@ from test_polar import KINDS, OWN, SIZE, TARGET, bound, sighted, straight_leg, t
 
 from gbt_ocp.models import Measurement
 from gbt_ocp.models.bearings import unit_bearing
+from gbt_ocp.models.measurements import Sighting
 from gbt_ocp.tracking.bins import BearingBins
 from gbt_ocp.tracking.decomposed import parts_of
 from gbt_ocp.tracking.displacement.hypotheses import MotionPriors
@@ -110,6 +111,32 @@ def test_a_position_begins_a_track(name):
     for k in range(4):
         take_in(tracker, sighted("position", 3, std=0.5, time=float(k)))
     np.testing.assert_allclose(tracker.predict([3.0]).mean[0], TARGET[3], atol=0.5)
+
+
+def test_a_tracker_of_bearings_and_positions_is_given_each_its_own_way():
+    """One that knows no deviations: ``update`` for a bearing, ``update_position`` for a position."""
+
+    class Both:
+        takes, position_std = ("azimuth", "position"), 0.5
+
+        def __init__(self):
+            self.given = []
+
+        def update(self, time, bearing, own_position):
+            self.given.append(("bearing", time, bearing))
+
+        def update_position(self, time, position):
+            self.given.append(("position", time, position))
+
+        def predict(self, times):
+            raise NotImplementedError
+
+    tracker, bearing = Both(), np.array([0.6, 0.8])
+    take_in(tracker, Sighting.of_bearing(1.0, bearing, OWN[2]))
+    take_in(tracker, sighted("position", 2, std=0.5, time=2.0))
+    assert [(what, time) for what, time, _ in tracker.given] == [("bearing", 1.0), ("position", 2.0)]
+    np.testing.assert_allclose(tracker.given[0][2], bearing, atol=1e-12)
+    np.testing.assert_allclose(tracker.given[1][2], TARGET[2])
 
 
 def test_parts_hold_the_information_of_the_measurement():
