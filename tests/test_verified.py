@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-import gbt_ocp
 from gbt_ocp.experiments.build.loop import build_problem, build_vehicle
 from gbt_ocp.experiments.config.guidance import PlannerGuidanceSection
 from gbt_ocp.experiments.config.loading import load_config
@@ -19,7 +18,7 @@ pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
 CONFIGURATIONS = sorted(
     path.stem
-    for path in (Path(gbt_ocp.__file__).parents[1] / "configs").glob("*.yaml")
+    for path in (Path(__file__).resolve().parents[1] / "configs").glob("*.yaml")
     if path.stem != "replay" and isinstance(load_config(path.stem).guidance, PlannerGuidanceSection)
     if not load_config(path.stem).vehicles  # which codegen refuses
 )
